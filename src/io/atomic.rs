@@ -1,0 +1,66 @@
+//! Files that appear whole or not at all.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+/// Writes a file through `write`, under a temporary name in the same folder, then renames it into place.
+///
+/// A reader never sees half a file: on any error the temporary file is removed and what was at `path` before stays.
+/// Missing parent folders are made.
+///
+/// # Errors
+/// Whatever `write` returns, or the operating system's error while creating, flushing, syncing or renaming.
+pub fn write_file<E: From<io::Error>>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
+) -> Result<(), E> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(folder)?;
+    let temporary = tempfile::Builder::new().prefix(".yawara-").suffix(".part").make_in(folder, |path| {
+        // Not tempfile's own 0600: the result is a plain file that obeys the umask.
+        File::options().read(true).write(true).create_new(true).open(path)
+    })?;
+    let (file, temporary) = temporary.into_parts();
+    let mut writer = BufWriter::with_capacity(1 << 20, file);
+    write(&mut writer)?;
+    writer.flush()?;
+    writer.get_ref().sync_all()?;
+    drop(writer);
+    temporary.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(folder: &Path) -> Vec<String> {
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mesh.stl");
+        write_file::<io::Error>(&path, |w| w.write_all(b"old")).unwrap();
+        let failed = write_file::<io::Error>(&path, |w| {
+            w.write_all(b"new")?;
+            Err(io::Error::other("disk on fire"))
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "disk on fire");
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(entries(folder.path()), ["mesh.stl"]);
+    }
+
+    #[test]
+    fn missing_folders_are_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b/c.txt");
+        write_file::<io::Error>(&path, |w| w.write_all(b"x")).unwrap();
+        assert_eq!(std::fs::read(path).unwrap(), b"x");
+    }
+}

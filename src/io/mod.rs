@@ -1,0 +1,3 @@
+//! Files: one format per module. Nothing here simulates.
+
+pub mod atomic;

@@ -1,0 +1,72 @@
+//! The lattice: one particle per grid point of the organs, joined to its 26 neighbours by springs.
+//!
+//! A [`Lattice`] is the rest state and never changes. What changes is kept apart: displacements in
+//! [`crate::dynamics::World`], living springs in [`Topology`].
+
+pub mod neighbours;
+pub mod region;
+mod topology;
+
+pub use topology::{SeveredSpring, Topology};
+
+use crate::geometry::{Grid, Point3};
+
+/// Marks a grid point without a particle in [`Lattice::particle_at`].
+pub const NO_PARTICLE: u32 = u32::MAX;
+
+/// Organ of a particle that only carries the border of its neighbours' cells: it has mass and springs, but no tissue
+/// of its own, so the surface passes between it and the organ.
+pub const FRINGE: u8 = u8::MAX;
+
+/// The rest state of a lattice: which grid points hold a particle, to which organ it belongs, and which springs join it.
+///
+/// Particles are numbered by ascending linear grid index (x fastest); every per-particle array follows that order.
+#[derive(Debug, Clone)]
+pub struct Lattice {
+    /// Lattice points in patient space [mm]. The three axes are orthogonal and one [`Lattice::pitch`] long.
+    pub grid: Grid,
+    /// Distance of neighbouring particles along an axis [m].
+    pub pitch: f64,
+    /// Linear grid index of each particle, ascending. Shape `[particles]`.
+    pub points: Vec<u32>,
+    /// Particle of each grid point, or [`NO_PARTICLE`]. Shape `[grid points]`.
+    pub particle_at: Vec<u32>,
+    /// Organ of each particle: index into the scene's organs, or [`FRINGE`]. Shape `[particles]`.
+    pub organ: Vec<u8>,
+    /// Living springs of each particle at rest, one bit per direction of [`neighbours::OFFSETS`]. Shape `[particles]`.
+    pub springs: Vec<u32>,
+}
+
+impl Lattice {
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True when there is no particle (the builder refuses such lattices).
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Number of springs at rest, each counted once.
+    pub fn spring_count(&self) -> usize {
+        self.springs.iter().map(|bits| bits.count_ones() as usize).sum::<usize>() / 2
+    }
+
+    /// Grid index (i, j, k) of a particle.
+    pub fn ijk(&self, particle: u32) -> [usize; 3] {
+        self.grid.shape.ijk(self.points[particle as usize] as usize)
+    }
+
+    /// Rest place of a particle, RAS+ [mm].
+    pub fn rest_place(&self, particle: u32) -> Point3 {
+        self.grid.place(self.points[particle as usize] as usize)
+    }
+
+    /// The particle one step away in `direction`, spring or not.
+    pub fn neighbour(&self, particle: u32, direction: usize) -> Option<u32> {
+        let offset = neighbours::OFFSETS[direction];
+        let point = self.grid.shape.neighbour(self.ijk(particle), offset)?;
+        Some(self.particle_at[point]).filter(|&other| other != NO_PARTICLE)
+    }
+}

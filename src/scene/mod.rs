@@ -1,0 +1,3 @@
+//! Scenes: what to simulate, in TOML.
+
+pub mod resolved;

@@ -1,0 +1,3 @@
+//! From the lattice to a surface: extraction, carrying, checking.
+
+pub mod mesh;
