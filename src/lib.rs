@@ -2,7 +2,9 @@
 
 pub mod geometry;
 pub mod io;
+pub mod kernel;
 pub mod lattice;
+pub mod material;
 pub mod scene;
 pub mod surface;
 pub mod volume;

@@ -3,6 +3,8 @@
 //! A [`Lattice`] is the rest state and never changes. What changes is kept apart: displacements in
 //! [`crate::dynamics::World`], living springs in [`Topology`].
 
+pub mod build;
+pub mod layout;
 pub mod neighbours;
 pub mod region;
 mod topology;

@@ -1,0 +1,11 @@
+//! The hot loops: numbers and slices only, no files, no scene, no allocation.
+//!
+//! One particle gathers the forces of its 26 springs in the order of [`crate::lattice::neighbours::OFFSETS`], so the
+//! result depends neither on the number of threads nor on the instruction set. [`reference`] says what is computed,
+//! plainly and in f64; [`halo`] copies a block and one layer around it into a small buffer; [`rows`] is the fast body
+//! over that buffer; [`dispatch`] compiles it for several instruction sets and picks one at run time.
+
+pub mod dispatch;
+pub mod halo;
+pub mod reference;
+pub mod rows;

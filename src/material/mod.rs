@@ -1,0 +1,76 @@
+//! From materials to masses and spring constants.
+//!
+//! Two laws: [`paper`] gives every spring and particle the constants of the scene; [`tissue`] assembles them by cells
+//! from Young's modulus and density. Both end in an [`Assembly`].
+
+pub mod paper;
+pub mod tissue;
+
+use crate::lattice::Lattice;
+use crate::lattice::neighbours::{OFFSETS, family};
+
+/// A constant (stiffness [N/m] or damping [N s/m]) for every spring of a lattice.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SpringConstants {
+    /// The same for every spring.
+    Uniform(f32),
+    /// The mean of the two ends' values. Shape `[particles]`.
+    MeanOfEnds(Vec<f32>),
+    /// `weight[family]` times the sum of the values of the cells that share the spring; the cell of a particle is the
+    /// cube above it, towards +x, +y, +z, and 0 where there is none.
+    SumOfCells {
+        /// Value of the cell above each particle. Shape `[particles]`.
+        cell: Vec<f32>,
+        /// What a cell of value 1 gives to each face, face-diagonal and body-diagonal spring.
+        weight: [f32; 3],
+    },
+}
+
+/// Masses and spring constants of a lattice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assembly {
+    /// Mass of each particle [kg]; 0 marks particles of rigid organs, which nothing but an operation moves.
+    pub mass: Vec<f32>,
+    /// Stiffness of every spring [N/m].
+    pub stiffness: SpringConstants,
+    /// Damping of every spring [N s/m]; `None` when nothing damps.
+    pub damping: Option<SpringConstants>,
+}
+
+impl SpringConstants {
+    /// The constant of the spring of `particle` in `direction`, alive or not; in f64 for what judges.
+    ///
+    /// # Panics
+    /// If there is no particle in that direction.
+    pub fn of(&self, lattice: &Lattice, particle: u32, direction: usize) -> f64 {
+        match self {
+            Self::Uniform(value) => f64::from(*value),
+            Self::MeanOfEnds(value) => {
+                let other = lattice.neighbour(particle, direction).expect("the spring has two ends");
+                0.5 * (f64::from(value[particle as usize]) + f64::from(value[other as usize]))
+            }
+            Self::SumOfCells { cell, weight } => {
+                let ijk = lattice.ijk(particle);
+                let offset = OFFSETS[direction];
+                let mut sum = 0.0;
+                for c in 0..8_usize {
+                    let side = [c & 1, c >> 1 & 1, c >> 2];
+                    // Along the spring only the cell it crosses; across it, both sides.
+                    if (0..3).any(|a| offset[a] != 0 && side[a] == 1) {
+                        continue;
+                    }
+                    let below = [0, 1, 2].map(|a| match offset[a] {
+                        0 => -(side[a] as i32),
+                        -1 => -1,
+                        _ => 0,
+                    });
+                    if let Some(point) = lattice.grid.shape.neighbour(ijk, below) {
+                        let corner = lattice.particle_at[point];
+                        sum += cell.get(corner as usize).map_or(0.0, |&value| f64::from(value));
+                    }
+                }
+                f64::from(weight[family(direction) - 1]) * sum
+            }
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Equal springs and dampers, one particle per voxel.
+//!
+//! Source: Hattori and Kaneko, "3-D model of soft organs". Their damper multiplies a difference of lengths between two
+//! steps, so its constant belongs to one step length; here the continuous constant `c = d dt` is kept, so that halving
+//! the step does not halve the damping. Differs: organs with different constants may share a lattice; a spring between
+//! them takes the mean of both.
+
+use super::{Assembly, SpringConstants};
+use crate::lattice::Lattice;
+use crate::lattice::neighbours::NEIGHBOURS;
+
+/// Constants of one organ in model `paper`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperBody {
+    /// Spring constant [N/m].
+    pub stiffness: f64,
+    /// Dashpot constant [N s/m].
+    pub damping: f64,
+    /// Mass of a particle [kg].
+    pub mass: f64,
+}
+
+/// Masses and spring constants of a lattice of model `paper`. `bodies[organ]` is `None` for a rigid organ.
+pub fn assemble(lattice: &Lattice, bodies: &[Option<PaperBody>]) -> Assembly {
+    let body = |particle: usize| bodies[usize::from(lattice.organ[particle])];
+    let mass = (0..lattice.len()).map(|p| body(p).map_or(0.0, |b| b.mass as f32)).collect();
+    let damped = bodies.iter().flatten().any(|b| b.damping > 0.0);
+    Assembly {
+        mass,
+        stiffness: constants(lattice, bodies, |b| b.stiffness),
+        damping: damped.then(|| constants(lattice, bodies, |b| b.damping)),
+    }
+}
+
+fn constants(lattice: &Lattice, bodies: &[Option<PaperBody>], of: impl Fn(&PaperBody) -> f64) -> SpringConstants {
+    let mut soft = bodies.iter().flatten();
+    let first = soft.next().map_or(0.0, &of);
+    if soft.all(|body| of(body) == first) {
+        return SpringConstants::Uniform(first as f32);
+    }
+    let own =
+        |particle: u32| bodies[usize::from(lattice.organ[particle as usize])].as_ref().map(|body| of(body) as f32);
+    SpringConstants::MeanOfEnds(
+        (0..lattice.len() as u32)
+            .map(|particle| {
+                // A rigid end takes its soft neighbours' mean, so that an attachment is as stiff as the tissue.
+                own(particle).unwrap_or_else(|| {
+                    let around: Vec<f32> =
+                        (0..NEIGHBOURS).filter_map(|d| own(lattice.neighbour(particle, d)?)).collect();
+                    if around.is_empty() { 0.0 } else { around.iter().sum::<f32>() / around.len() as f32 }
+                })
+            })
+            .collect(),
+    )
+}
