@@ -38,6 +38,18 @@ pub struct Assembly {
 }
 
 impl SpringConstants {
+    /// One value per particle whose mean over both ends is the constant of a spring.
+    ///
+    /// # Panics
+    /// For constants summed over cells, which have no such form.
+    pub fn per_particle(&self, particles: usize) -> Vec<f32> {
+        match self {
+            Self::Uniform(value) => vec![*value; particles],
+            Self::MeanOfEnds(values) => values.clone(),
+            Self::SumOfCells { .. } => panic!("cells and particles are not mixed in one assembly"),
+        }
+    }
+
     /// The constant of the spring of `particle` in `direction`, alive or not; in f64 for what judges.
     ///
     /// # Panics

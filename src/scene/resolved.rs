@@ -178,7 +178,7 @@ pub enum Action {
     Cut {
         /// The edge: a polyline of at least two points, RAS+ [mm].
         blade: Vec<Point3>,
-        /// Path of the edge's first point, RAS+ [mm]; the whole edge moves with it, at constant speed.
-        path: Vec<Point3>,
+        /// Offsets of the edge from where it is drawn, RAS+ [mm]; straight between, at constant speed.
+        path: Vec<Vector3>,
     },
 }

@@ -1,0 +1,145 @@
+//! What moves or holds particles from outside: holds, grabs and forces.
+
+use super::world::World;
+use crate::geometry::Vector3;
+
+/// A hold, grab or force of a [`World`], to change or release it later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Handle(pub(super) usize);
+
+/// One active hold, grab or force. Slots are in block order, vectors in lattice axes and SI units.
+#[derive(Debug, Clone)]
+pub(super) enum Drive {
+    /// Particles that stay where they are.
+    Hold { slots: Vec<u32> },
+    /// Particles that follow an offset from where they were grabbed.
+    Grab { slots: Vec<u32>, start: Vec<[f32; 3]>, offset: Vector3 },
+    /// Particles that share a force in proportion to their mass.
+    Force { slots: Vec<u32>, force: Vector3, mass: f64 },
+    /// Released; the number is not used again.
+    Released,
+}
+
+/// How many holds and grabs act on each slot.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Claims {
+    pub(super) holds: u8,
+    pub(super) grabs: u8,
+}
+
+impl World {
+    /// Holds particles where they are until released. A particle that is both held and grabbed stays.
+    pub fn hold(&mut self, particles: &[u32]) -> Handle {
+        let slots = self.slots_of(particles);
+        for &slot in &slots {
+            self.claims[slot as usize].holds += 1;
+            self.refresh(slot);
+        }
+        self.add(Drive::Hold { slots })
+    }
+
+    /// Grabs particles: they keep their shape and follow [`World::move_grab`] until released.
+    pub fn grab(&mut self, particles: &[u32]) -> Handle {
+        let slots = self.slots_of(particles);
+        for &slot in &slots {
+            self.claims[slot as usize].grabs += 1;
+            self.refresh(slot);
+        }
+        let start = slots.iter().map(|&slot| [0, 1, 2].map(|axis| self.displacement[axis][slot as usize])).collect();
+        self.add(Drive::Grab { slots, start, offset: Vector3::zeros() })
+    }
+
+    /// Where the grabbed particles are to be after the next step, relative to where they were grabbed, RAS+ [mm].
+    ///
+    /// # Panics
+    /// If the handle is not a grab's.
+    pub fn move_grab(&mut self, handle: Handle, offset_mm: Vector3) {
+        let local = self.to_lattice_axes(offset_mm * 1e-3);
+        match &mut self.drives[handle.0] {
+            Drive::Grab { offset, .. } => *offset = local,
+            other => panic!("{handle:?} is {other:?}, not a grab"),
+        }
+    }
+
+    /// Lets a force act on particles, shared in proportion to their mass; 0 until [`World::set_force`].
+    pub fn push(&mut self, particles: &[u32]) -> Handle {
+        let mass = particles.iter().map(|&particle| f64::from(self.mass()[particle as usize])).sum();
+        let slots = self.slots_of(particles);
+        self.add(Drive::Force { slots, force: Vector3::zeros(), mass })
+    }
+
+    /// Sets the sum of a force over its particles, RAS+ [N].
+    ///
+    /// # Panics
+    /// If the handle is not a force's.
+    pub fn set_force(&mut self, handle: Handle, force: Vector3) {
+        let local = self.to_lattice_axes(force);
+        match &mut self.drives[handle.0] {
+            Drive::Force { force, .. } => *force = local,
+            other => panic!("{handle:?} is {other:?}, not a force"),
+        }
+    }
+
+    /// Ends a hold, grab or force. The particles go on from their present place and velocity.
+    pub fn release(&mut self, handle: Handle) {
+        match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
+            Drive::Hold { slots } => {
+                for slot in slots {
+                    self.claims[slot as usize].holds -= 1;
+                    self.refresh(slot);
+                }
+            }
+            Drive::Grab { slots, .. } => {
+                for slot in slots {
+                    self.claims[slot as usize].grabs -= 1;
+                    self.refresh(slot);
+                }
+            }
+            Drive::Force { .. } | Drive::Released => {}
+        }
+    }
+
+    fn add(&mut self, drive: Drive) -> Handle {
+        self.drives.push(drive);
+        Handle(self.drives.len() - 1)
+    }
+
+    fn slots_of(&self, particles: &[u32]) -> Vec<u32> {
+        particles.iter().map(|&particle| self.layout.slot[particle as usize]).collect()
+    }
+
+    /// Sets velocities so that the drift of this step brings grabs to their places, and adds the forces.
+    pub(super) fn apply_drives(&mut self) {
+        let dt = self.dt();
+        for drive in &self.drives {
+            match drive {
+                Drive::Hold { .. } | Drive::Released => {}
+                Drive::Grab { slots, start, offset } => {
+                    for (&slot, start) in slots.iter().zip(start) {
+                        let slot = slot as usize;
+                        if self.claims[slot].holds > 0 {
+                            continue;
+                        }
+                        for axis in 0..3 {
+                            let target = f64::from(start[axis]) + offset[axis];
+                            let gap = target - f64::from(self.displacement[axis][slot]);
+                            self.velocity[axis][slot] = (gap / dt) as f32;
+                        }
+                    }
+                }
+                Drive::Force { slots, force, mass } => {
+                    // Shared by mass, so every particle is accelerated alike.
+                    let kick = force * (dt / mass.max(f64::MIN_POSITIVE));
+                    for &slot in slots {
+                        let slot = slot as usize;
+                        if self.dt_over_mass[slot] > 0.0 {
+                            for axis in 0..3 {
+                                self.velocity[axis][slot] += kick[axis] as f32;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! The moving lattice: state, steps, what holds and drives it, and what can be measured of it.
+//!
+//! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once; [`timeline`] applies a scene's
+//! operations as their time comes; [`measure`] judges energy, momentum and volume in f64.
+
+mod drive;
+pub mod measure;
+mod springs;
+pub mod stable_dt;
+pub mod timeline;
+mod world;
+
+pub use drive::Handle;
+pub use world::{StepError, World};

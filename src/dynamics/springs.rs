@@ -1,0 +1,235 @@
+//! Spring constants and living springs in block order, and which blocks may take the fast body.
+
+use crate::kernel::dispatch::kick;
+use crate::kernel::halo::{HALO_LEN, Halo, gather, halo_row};
+use crate::kernel::rows::{Absent, Bits, BlockState, Intact, MeanOfEnds, StepConstants, SumOfCells, Uniform};
+use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout};
+use crate::lattice::neighbours::ALL_ALIVE;
+use crate::material::{Assembly, SpringConstants};
+
+/// Buffers of one worker thread: a block of each field with its halo.
+pub(super) struct Scratch {
+    pub(super) displacement: [Halo; 3],
+    pub(super) velocity: [Halo; 3],
+    stiffness: Halo,
+    damping: Halo,
+}
+
+impl Scratch {
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
+            displacement: [[0.0; HALO_LEN]; 3],
+            velocity: [[0.0; HALO_LEN]; 3],
+            stiffness: [0.0; HALO_LEN],
+            damping: [0.0; HALO_LEN],
+        })
+    }
+}
+
+/// Which body steps a block.
+#[derive(Debug, Clone, Copy)]
+enum BlockKind {
+    /// Every spring alive and alike: constants by family, damping 0 when nothing damps.
+    Alike { stiffness: [f32; 3], damping: [f32; 3] },
+    /// Anything else.
+    General,
+}
+
+/// The law of a lattice; decided once, when the world is made.
+#[derive(Debug, Clone)]
+enum Law {
+    /// The same constants for all springs; general blocks only need the bits of the living ones.
+    Uniform { stiffness: f32, damping: Option<f32> },
+    /// Slots hold each particle's constants.
+    MeanOfEnds { stiffness: Vec<f32>, damping: Option<Vec<f32>> },
+    /// Slots hold the constants of the cell above each particle.
+    SumOfCells { stiffness: Vec<f32>, damping: Option<Vec<f32>>, weight: [f32; 3] },
+}
+
+/// All springs of a world, in block order.
+#[derive(Debug, Clone)]
+pub(super) struct BlockSprings {
+    law: Law,
+    /// Living springs of each slot; 0 for empty slots.
+    alive: Vec<u32>,
+    kind: Vec<BlockKind>,
+}
+
+impl BlockSprings {
+    pub(super) fn new(layout: &BlockLayout, assembly: &Assembly, alive_of_particle: &[u32]) -> Self {
+        let mut alive = vec![0; layout.slots()];
+        for (&slot, &bits) in layout.slot.iter().zip(alive_of_particle) {
+            alive[slot as usize] = bits;
+        }
+        let law = Law::new(layout, assembly);
+        let kind = (0..layout.blocks.len()).map(|block| law.kind(layout, &alive, block)).collect();
+        Self { law, alive, kind }
+    }
+
+    /// True when velocities of neighbours are read.
+    pub(super) fn damped(&self) -> bool {
+        match &self.law {
+            Law::Uniform { damping, .. } => damping.is_some(),
+            Law::MeanOfEnds { damping, .. } | Law::SumOfCells { damping, .. } => damping.is_some(),
+        }
+    }
+
+    /// Removes a spring's bit from the slots of its two ends.
+    pub(super) fn sever(&mut self, near: u32, near_direction: usize, far: u32, far_direction: usize) {
+        for (slot, direction) in [(near, near_direction), (far, far_direction)] {
+            self.alive[slot as usize] &= !(1 << direction);
+            self.kind[slot as usize / BLOCK_LEN] = BlockKind::General;
+        }
+    }
+
+    /// Share of blocks that take the fast body, for reports.
+    pub(super) fn alike_blocks(&self) -> usize {
+        self.kind.iter().filter(|kind| matches!(kind, BlockKind::Alike { .. })).count()
+    }
+
+    /// Bytes held by the spring arrays.
+    pub(super) fn bytes(&self) -> usize {
+        let constants = match &self.law {
+            Law::Uniform { .. } => 0,
+            Law::MeanOfEnds { stiffness, damping } | Law::SumOfCells { stiffness, damping, .. } => {
+                stiffness.len() + damping.as_ref().map_or(0, Vec::len)
+            }
+        };
+        4 * (constants + self.alive.len())
+    }
+
+    /// Advances the velocities of one block; see [`crate::kernel::rows::kick_block`].
+    ///
+    /// `scratch` holds the block's displacement (and velocity, when damped) with halo.
+    pub(super) fn kick(
+        &self,
+        step: StepConstants,
+        layout: &BlockLayout,
+        block: usize,
+        scratch: &mut Scratch,
+        dt_over_mass: &[f32; BLOCK_LEN],
+        velocity_out: [&mut [f32; BLOCK_LEN]; 3],
+    ) -> f32 {
+        let Scratch { displacement, velocity, stiffness: stiffness_halo, damping: damping_halo } = scratch;
+        let state = BlockState { displacement: displacement.each_ref(), velocity: velocity.each_ref(), dt_over_mass };
+        let bits = Bits { alive: block_of(&self.alive, block) };
+        let neighbours = &layout.neighbours[block];
+        match (&self.law, self.kind[block]) {
+            (_, BlockKind::Alike { stiffness, damping }) => {
+                let stiffness = Uniform { by_family: stiffness };
+                if self.damped() {
+                    kick(step, stiffness, Uniform { by_family: damping }, Intact, state, velocity_out)
+                } else {
+                    kick(step, stiffness, Absent, Intact, state, velocity_out)
+                }
+            }
+            (Law::Uniform { stiffness, damping }, BlockKind::General) => {
+                let stiffness = Uniform { by_family: [*stiffness; 3] };
+                match damping {
+                    Some(damping) => {
+                        kick(step, stiffness, Uniform { by_family: [*damping; 3] }, bits, state, velocity_out)
+                    }
+                    None => kick(step, stiffness, Absent, bits, state, velocity_out),
+                }
+            }
+            (Law::MeanOfEnds { stiffness, damping }, BlockKind::General) => {
+                gather(stiffness, neighbours, stiffness_halo);
+                let stiffness = MeanOfEnds { particle: stiffness_halo };
+                match damping {
+                    Some(damping) => {
+                        gather(damping, neighbours, damping_halo);
+                        kick(step, stiffness, MeanOfEnds { particle: damping_halo }, bits, state, velocity_out)
+                    }
+                    None => kick(step, stiffness, Absent, bits, state, velocity_out),
+                }
+            }
+            (Law::SumOfCells { stiffness, damping, weight }, BlockKind::General) => {
+                gather(stiffness, neighbours, stiffness_halo);
+                let stiffness = SumOfCells { cell: stiffness_halo, weight: *weight };
+                match damping {
+                    Some(damping) => {
+                        gather(damping, neighbours, damping_halo);
+                        let damping = SumOfCells { cell: damping_halo, weight: *weight };
+                        kick(step, stiffness, damping, bits, state, velocity_out)
+                    }
+                    None => kick(step, stiffness, Absent, bits, state, velocity_out),
+                }
+            }
+        }
+    }
+}
+
+impl Law {
+    fn new(layout: &BlockLayout, assembly: &Assembly) -> Self {
+        let to_slots = |values: &[f32]| {
+            let mut slots = vec![0.0; layout.slots()];
+            for (&slot, &value) in layout.slot.iter().zip(values) {
+                slots[slot as usize] = value;
+            }
+            slots
+        };
+        match (&assembly.stiffness, assembly.damping.as_ref()) {
+            (SpringConstants::Uniform(stiffness), None) => Self::Uniform { stiffness: *stiffness, damping: None },
+            (SpringConstants::Uniform(stiffness), Some(SpringConstants::Uniform(damping))) => {
+                Self::Uniform { stiffness: *stiffness, damping: Some(*damping) }
+            }
+            (SpringConstants::SumOfCells { cell, weight }, None) => {
+                Self::SumOfCells { stiffness: to_slots(cell), damping: None, weight: *weight }
+            }
+            (SpringConstants::SumOfCells { cell, weight }, Some(SpringConstants::SumOfCells { cell: damping, .. })) => {
+                Self::SumOfCells { stiffness: to_slots(cell), damping: Some(to_slots(damping)), weight: *weight }
+            }
+            // Organs that share one constant but not the other: both become one value per particle.
+            (stiffness, damping) => Self::MeanOfEnds {
+                stiffness: to_slots(&stiffness.per_particle(layout.slot.len())),
+                damping: damping.map(|damping| to_slots(&damping.per_particle(layout.slot.len()))),
+            },
+        }
+    }
+
+    fn kind(&self, layout: &BlockLayout, alive: &[u32], block: usize) -> BlockKind {
+        if block_of(alive, block).iter().any(|&bits| bits != ALL_ALIVE) {
+            return BlockKind::General;
+        }
+        match self {
+            Self::Uniform { stiffness, damping } => {
+                BlockKind::Alike { stiffness: [*stiffness; 3], damping: [damping.unwrap_or(0.0); 3] }
+            }
+            Self::MeanOfEnds { .. } => BlockKind::General,
+            Self::SumOfCells { stiffness, damping, weight } => {
+                // The same sums as the general body, so that both give the same bits.
+                let by_family = |cell: f32| {
+                    [weight[0] * ((cell + cell) + (cell + cell)), weight[1] * (cell + cell), weight[2] * cell]
+                };
+                let stiffness = self::alike(stiffness, layout, block);
+                let damping = damping.as_ref().map_or(Some(0.0), |damping| self::alike(damping, layout, block));
+                match (stiffness, damping) {
+                    (Some(stiffness), Some(damping)) => {
+                        BlockKind::Alike { stiffness: by_family(stiffness), damping: by_family(damping) }
+                    }
+                    _ => BlockKind::General,
+                }
+            }
+        }
+    }
+}
+
+/// The value of every cell that touches the block, when it is one and the same: the block's own and one layer below it.
+fn alike(cell: &[f32], layout: &BlockLayout, block: usize) -> Option<f32> {
+    let mut halo = [0.0; HALO_LEN];
+    gather(cell, &layout.neighbours[block], &mut halo);
+    let value = cell[block * BLOCK_LEN];
+    for z in -1..BLOCK[2] as isize {
+        for y in -1..BLOCK[1] as isize {
+            let start = halo_row(y, z);
+            if halo[start..=start + BLOCK[0]].iter().any(|&other| other != value) {
+                return None;
+            }
+        }
+    }
+    Some(value)
+}
+
+pub(super) fn block_of<T>(slots: &[T], block: usize) -> &[T; BLOCK_LEN] {
+    slots[block * BLOCK_LEN..][..BLOCK_LEN].try_into().expect("whole blocks")
+}

@@ -1,0 +1,231 @@
+//! A scene's operations, applied to a world as their time comes.
+
+use super::drive::Handle;
+use super::world::World;
+use crate::cut::Blade;
+use crate::geometry::{Point3, Vector3};
+use crate::lattice::Lattice;
+use crate::scene::resolved::{Action, Operation};
+
+/// The blade is tested against the springs before edge and tissue together have moved further than this [pitches].
+const TEST_INTERVAL: f64 = 0.125;
+
+/// Why an operation cannot be applied to a lattice.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TimelineError {
+    /// A region holds no particle.
+    #[error(
+        "`{operation}`: its region selects no particle; the organs span ({:.1}, {:.1}, {:.1}) to ({:.1}, {:.1}, {:.1}) mm \
+         (RAS+): move or enlarge the region",
+        min.x, min.y, min.z, max.x, max.y, max.z
+    )]
+    EmptyRegion {
+        /// Name of the operation.
+        operation: String,
+        /// Lowest coordinates of any particle at rest, RAS+ [mm].
+        min: Point3,
+        /// Highest coordinates of any particle at rest, RAS+ [mm].
+        max: Point3,
+    },
+}
+
+/// Something that happened on the time line, for logs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// When [s].
+    pub time: f64,
+    /// Name of the operation.
+    pub operation: String,
+    /// What.
+    pub what: What,
+}
+
+/// What happened to an operation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum What {
+    /// It began, on this many particles (0 for a cut).
+    Began(usize),
+    /// It ended.
+    Ended,
+    /// A cut ended, having severed this many springs; 0 means the blade missed.
+    Severed(usize),
+}
+
+/// The operations of a scene and how far each has come.
+#[derive(Debug)]
+pub struct Timeline {
+    entries: Vec<Entry>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    operation: Operation,
+    particles: Vec<u32>,
+    state: State,
+}
+
+#[derive(Debug)]
+enum State {
+    Waiting,
+    Acting(Handle),
+    Cutting(Cutting),
+    Done,
+}
+
+#[derive(Debug)]
+struct Cutting {
+    /// In the frame of the lattice [m].
+    blade: Blade,
+    /// Length of path already tested [m].
+    tested: f64,
+    /// How far any tissue may have moved since the last test [m].
+    slack: f64,
+    severed: usize,
+}
+
+impl Timeline {
+    /// Selects the particles of every operation.
+    ///
+    /// # Errors
+    /// If a region selects nothing.
+    pub fn new(operations: &[Operation], lattice: &Lattice) -> Result<Self, TimelineError> {
+        let entries = operations
+            .iter()
+            .map(|operation| {
+                let particles = match &operation.action {
+                    Action::Fix { region } | Action::Force { region, .. } | Action::Grab { region, .. } => {
+                        let particles = region.select(lattice);
+                        if particles.is_empty() {
+                            let (min, max) = extent(lattice);
+                            return Err(TimelineError::EmptyRegion { operation: operation.name.clone(), min, max });
+                        }
+                        particles
+                    }
+                    Action::Cut { .. } => Vec::new(),
+                };
+                Ok(Entry { operation: operation.clone(), particles, state: State::Waiting })
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { entries })
+    }
+
+    /// Applies everything that is due before the world's next step. To be called before every step.
+    pub fn advance(&mut self, world: &mut World) -> Vec<Event> {
+        let mut events = Vec::new();
+        for entry in &mut self.entries {
+            entry.advance(world, &mut events);
+        }
+        events
+    }
+}
+
+impl Entry {
+    fn advance(&mut self, world: &mut World, events: &mut Vec<Event>) {
+        let (now, dt) = (world.time(), world.dt());
+        // Times are multiples of dt only up to rounding.
+        let due = |time: f64| now >= time - 1e-6 * dt;
+        let (from, until) = (self.operation.from, self.operation.until);
+        let name = &self.operation.name;
+        let mut report = |what| events.push(Event { time: now, operation: name.clone(), what });
+
+        if matches!(self.state, State::Waiting) && due(from) {
+            self.state = match &self.operation.action {
+                Action::Fix { .. } => State::Acting(world.hold(&self.particles)),
+                Action::Force { .. } => State::Acting(world.push(&self.particles)),
+                Action::Grab { .. } => State::Acting(world.grab(&self.particles)),
+                Action::Cut { blade, path } => State::Cutting(Cutting {
+                    blade: blade_in_lattice(world.lattice(), blade, path),
+                    tested: 0.0,
+                    slack: 0.0,
+                    severed: 0,
+                }),
+            };
+            report(What::Began(self.particles.len()));
+        }
+
+        match (&mut self.state, &self.operation.action) {
+            (State::Acting(handle), _) if due(until) => {
+                world.release(*handle);
+                report(What::Ended);
+                self.state = State::Done;
+            }
+            (State::Acting(handle), Action::Force { force, ramp, .. }) => {
+                let share = if *ramp > 0.0 { ((now - from) / ramp).clamp(0.0, 1.0) } else { 1.0 };
+                world.set_force(*handle, force * share);
+            }
+            (State::Acting(handle), Action::Grab { path, arrive, .. }) => {
+                world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));
+            }
+            (State::Cutting(cutting), _) => {
+                let share = ((now + dt - from) / (until - from)).clamp(0.0, 1.0);
+                let ended = due(until - dt);
+                cutting.advance(world, if ended { 1.0 } else { share }, ended);
+                if ended {
+                    report(What::Severed(cutting.severed));
+                    self.state = State::Done;
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Cutting {
+    /// Moves the edge to a share of its path and severs what it crossed since the last test.
+    fn advance(&mut self, world: &mut World, share: f64, ended: bool) {
+        let reached = share * self.blade.path_length();
+        self.slack += world.longest_move();
+        if !ended && reached - self.tested + self.slack < TEST_INTERVAL * world.lattice().pitch {
+            return;
+        }
+        // Tissue may have moved over the edge in the meantime, so the surface just behind it is tested once more.
+        let sweep = self.blade.sweep(self.tested - 2.0 * self.slack, reached);
+        self.severed += world.cut(&sweep);
+        self.tested = reached;
+        self.slack = 0.0;
+    }
+}
+
+/// The point at a share (0..=1) of the length of a polyline.
+fn along(path: &[Vector3], share: f64) -> Vector3 {
+    let lengths: Vec<f64> = path.windows(2).map(|pair| (pair[1] - pair[0]).norm()).collect();
+    let mut left = share.clamp(0.0, 1.0) * lengths.iter().sum::<f64>();
+    for (pair, &length) in path.windows(2).zip(&lengths) {
+        if left <= length && length > 0.0 {
+            return pair[0] + (pair[1] - pair[0]) * (left / length);
+        }
+        left -= length;
+    }
+    path.last().copied().unwrap_or_default()
+}
+
+/// From patient space [mm] to the frame of the lattice [m].
+fn blade_in_lattice(lattice: &Lattice, edge: &[Point3], path: &[Vector3]) -> Blade {
+    let affine = &lattice.grid.affine;
+    let edge = edge.iter().map(|&point| affine.index_of(point) * lattice.pitch).collect();
+    let path: Vec<Vector3> = path.iter().map(|&offset| affine.index_vector_of(offset) * lattice.pitch).collect();
+    Blade::new(edge, &path)
+}
+
+/// Box around all particles at rest, RAS+ [mm].
+fn extent(lattice: &Lattice) -> (Point3, Point3) {
+    let start = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
+    (0..lattice.len() as u32)
+        .map(|particle| lattice.rest_place(particle))
+        .fold(start, |(min, max), place| (min.inf(&place), max.sup(&place)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_of_a_path_follow_its_length() {
+        let path = [Vector3::zeros(), Vector3::new(1.0, 0.0, 0.0), Vector3::new(1.0, 3.0, 0.0)];
+        assert_eq!(along(&path, 0.125), Vector3::new(0.5, 0.0, 0.0));
+        assert_eq!(along(&path, 0.5), Vector3::new(1.0, 1.0, 0.0));
+        assert_eq!(along(&path, 7.0), Vector3::new(1.0, 3.0, 0.0));
+        assert_eq!(along(&path[..1], 0.5), Vector3::zeros());
+    }
+}

@@ -1,0 +1,370 @@
+//! The state of a lattice and one step of it.
+
+use rayon::prelude::*;
+
+use super::drive::{Claims, Drive};
+use super::springs::{BlockSprings, Scratch, block_of};
+use crate::cut::{Sweep, crossings};
+use crate::geometry::{Matrix3, Point3, Vector3};
+use crate::kernel::halo::gather;
+use crate::kernel::rows::StepConstants;
+use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
+use crate::lattice::neighbours::opposite;
+use crate::lattice::{Lattice, SeveredSpring, Topology};
+use crate::material::Assembly;
+
+/// A particle that moves further than this in one step outruns every wave the lattice can carry [pitches].
+const LONGEST_MOVE: f64 = 1.0;
+
+/// Why a step could not be finished. The state before it has been handed out; nothing of the bad one is.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// A velocity became NaN or infinite, or too large for the step to mean anything.
+    #[error(
+        "the state diverged at t = {time:.6} s (step {step}) near ({:.1}, {:.1}, {:.1}) mm: speed {speed:.3e} m/s, \
+         that is {moves:.2e} pitches in a step of {dt:.3e} s; {cause}",
+        place.x, place.y, place.z
+    )]
+    Diverged {
+        /// When [s].
+        time: f64,
+        /// Number of the step that failed, from 1.
+        step: u64,
+        /// Rest place of the particle, RAS+ [mm].
+        place: Point3,
+        /// Its speed [m/s]; infinite when the velocity is not a number.
+        speed: f64,
+        /// The same in pitches per step.
+        moves: f64,
+        /// The step [s].
+        dt: f64,
+        /// What is likely to have gone wrong, and what to do.
+        cause: String,
+    },
+}
+
+/// A lattice in motion.
+///
+/// State is f32, in lattice axes and SI units; positions are kept as displacements from rest, which resolves strains of
+/// 1e-7 anywhere in the lattice. Times are f64. Methods take and give patient axes (RAS+) where they say so.
+///
+/// Same lattice, same calls: same bits, at any number of threads.
+#[derive(Debug, Clone)]
+pub struct World {
+    lattice: Lattice,
+    topology: Topology,
+    assembly: Assembly,
+    pub(super) layout: BlockLayout,
+    springs: BlockSprings,
+    /// Displacement x, y, z of each slot [m].
+    pub(super) displacement: [Vec<f32>; 3],
+    /// Velocity x, y, z of each slot [m/s].
+    pub(super) velocity: [Vec<f32>; 3],
+    /// New velocities while the old ones are still read by neighbours; empty without dampers.
+    next_velocity: [Vec<f32>; 3],
+    /// Step over mass [s/kg]; 0 for held, grabbed and rigid particles and for empty slots.
+    pub(super) dt_over_mass: Vec<f32>,
+    pub(super) claims: Vec<Claims>,
+    pub(super) drives: Vec<Drive>,
+    /// Patient axes to lattice axes.
+    axes: Matrix3,
+    gravity: Vector3,
+    dt: f64,
+    steps: u64,
+    /// Largest squared speed in the last step [m^2/s^2].
+    fastest_squared: f32,
+}
+
+impl World {
+    /// A lattice at rest.
+    ///
+    /// - `dt`: time step [s]; see [`super::stable_dt`] for the largest that is stable.
+    ///
+    /// # Panics
+    /// If the assembly is not the lattice's, or `dt` is not positive.
+    pub fn new(lattice: Lattice, assembly: Assembly, dt: f64) -> Self {
+        assert_eq!(assembly.mass.len(), lattice.len(), "one mass per particle");
+        assert!(dt > 0.0 && dt.is_finite(), "the step is a positive time");
+        let layout = BlockLayout::new(&lattice);
+        let topology = Topology::new(&lattice);
+        let springs = BlockSprings::new(&layout, &assembly, topology.alive());
+        let zeros = || [0, 1, 2].map(|_| vec![0.0; layout.slots()]);
+        let next_velocity = if springs.damped() { zeros() } else { [const { Vec::new() }; 3] };
+        let axes = lattice.grid.affine.linear().transpose() * (1e-3 / lattice.pitch);
+        let mut world = Self {
+            displacement: zeros(),
+            velocity: zeros(),
+            next_velocity,
+            dt_over_mass: vec![0.0; layout.slots()],
+            claims: vec![Claims::default(); layout.slots()],
+            drives: Vec::new(),
+            axes,
+            gravity: Vector3::zeros(),
+            dt,
+            steps: 0,
+            fastest_squared: 0.0,
+            lattice,
+            topology,
+            assembly,
+            layout,
+            springs,
+        };
+        for particle in 0..world.lattice.len() {
+            world.refresh(world.layout.slot[particle]);
+        }
+        world
+    }
+
+    /// The rest state.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// The living and the severed springs.
+    pub fn topology(&self) -> &Topology {
+        &self.topology
+    }
+
+    /// Masses and spring constants.
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// Mass of each particle [kg]; 0 for rigid organs.
+    pub fn mass(&self) -> &[f32] {
+        &self.assembly.mass
+    }
+
+    /// Time step [s].
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Steps taken.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Simulated time [s].
+    pub fn time(&self) -> f64 {
+        self.steps as f64 * self.dt
+    }
+
+    /// Sets the acceleration of every free particle, RAS+ [m/s^2].
+    pub fn set_gravity(&mut self, gravity: Vector3) {
+        self.gravity = self.to_lattice_axes(gravity);
+    }
+
+    /// Displacement of a particle from rest, lattice axes [m].
+    pub fn displacement(&self, particle: u32) -> Vector3 {
+        let slot = self.layout.slot[particle as usize] as usize;
+        Vector3::from([0, 1, 2].map(|axis| f64::from(self.displacement[axis][slot])))
+    }
+
+    /// Velocity of a particle, lattice axes [m/s].
+    pub fn velocity(&self, particle: u32) -> Vector3 {
+        let slot = self.layout.slot[particle as usize] as usize;
+        Vector3::from([0, 1, 2].map(|axis| f64::from(self.velocity[axis][slot])))
+    }
+
+    /// Puts a particle somewhere: displacement from rest, lattice axes [m].
+    pub fn set_displacement(&mut self, particle: u32, displacement: Vector3) {
+        let slot = self.layout.slot[particle as usize] as usize;
+        for axis in 0..3 {
+            self.displacement[axis][slot] = displacement[axis] as f32;
+        }
+    }
+
+    /// Gives a particle a velocity, lattice axes [m/s].
+    pub fn set_velocity(&mut self, particle: u32, velocity: Vector3) {
+        let slot = self.layout.slot[particle as usize] as usize;
+        for axis in 0..3 {
+            self.velocity[axis][slot] = velocity[axis] as f32;
+        }
+    }
+
+    /// Displacement of every particle from rest, RAS+ [mm]. Shape `[particles, 3]`.
+    pub fn displacements_mm(&self) -> Vec<[f32; 3]> {
+        let to_patient = self.axes.transpose() * 1e3;
+        (0..self.lattice.len() as u32)
+            .into_par_iter()
+            .map(|particle| {
+                let moved = to_patient * self.displacement(particle);
+                [moved.x as f32, moved.y as f32, moved.z as f32]
+            })
+            .collect()
+    }
+
+    /// A vector from patient axes (RAS+) to lattice axes; the unit stays.
+    pub fn to_lattice_axes(&self, patient: Vector3) -> Vector3 {
+        self.axes * patient
+    }
+
+    /// Share of blocks whose springs are all alive and alike, which the fastest body steps.
+    pub fn alike_share(&self) -> f64 {
+        self.springs.alike_blocks() as f64 / self.layout.blocks.len() as f64
+    }
+
+    /// Bytes held per particle by state, springs and lattice.
+    pub fn bytes_per_particle(&self) -> f64 {
+        let slots = self.layout.slots();
+        let fields = if self.springs.damped() { 9 } else { 6 };
+        let state = slots * (4 * (fields + 1) + size_of::<Claims>());
+        let lattice = self.lattice.len() * (4 + 1 + 4 + 4 + 4 + 4) + 4 * self.lattice.particle_at.len();
+        let constants = match &self.assembly.stiffness {
+            crate::material::SpringConstants::Uniform(_) => 0,
+            _ if self.springs.damped() => 8 * self.lattice.len(),
+            _ => 4 * self.lattice.len(),
+        };
+        (state + self.springs.bytes() + lattice + constants) as f64 / self.lattice.len() as f64
+    }
+
+    /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
+    ///
+    /// # Errors
+    /// If a velocity is not finite or outruns the lattice; places are left as they were before the step.
+    pub fn step(&mut self) -> Result<(), StepError> {
+        let fastest = self.kick();
+        self.check(&fastest)?;
+        self.fastest_squared = fastest.iter().copied().fold(0.0, f32::max);
+        self.apply_drives();
+        self.drift();
+        self.steps += 1;
+        Ok(())
+    }
+
+    /// New velocities; returns the largest squared speed of each block.
+    fn kick(&mut self) -> Vec<f32> {
+        let step = StepConstants {
+            pitch: self.lattice.pitch as f32,
+            dt: self.dt as f32,
+            gravity_dt: [0, 1, 2].map(|axis| (self.gravity[axis] * self.dt) as f32),
+        };
+        let damped = self.springs.damped();
+        let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, .. } = self;
+        let old_velocity: [&[f32]; 3] = [&[]; 3];
+        // With dampers the neighbours' old velocities are read while new ones are written.
+        let (old_velocity, [x, y, z]) = if damped {
+            (velocity.each_ref().map(Vec::as_slice), next_velocity.each_mut())
+        } else {
+            (old_velocity, velocity.each_mut())
+        };
+        let chunks =
+            (x.par_chunks_exact_mut(BLOCK_LEN), y.par_chunks_exact_mut(BLOCK_LEN), z.par_chunks_exact_mut(BLOCK_LEN));
+        let fastest = chunks
+            .into_par_iter()
+            .enumerate()
+            .map_init(Scratch::new, |scratch, (block, (x, y, z))| {
+                let neighbours = &layout.neighbours[block];
+                for axis in 0..3 {
+                    gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
+                }
+                let out = [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
+                if damped {
+                    for axis in 0..3 {
+                        gather(old_velocity[axis], neighbours, &mut scratch.velocity[axis]);
+                        out[axis].copy_from_slice(block_of(old_velocity[axis], block));
+                    }
+                }
+                springs.kick(step, layout, block, scratch, block_of(dt_over_mass, block), out)
+            })
+            .collect();
+        if damped {
+            std::mem::swap(velocity, next_velocity);
+        }
+        fastest
+    }
+
+    /// Nearly free: one number per block.
+    fn check(&self, fastest: &[f32]) -> Result<(), StepError> {
+        let limit = LONGEST_MOVE * self.lattice.pitch / self.dt;
+        let Some(block) = fastest.iter().position(|&squared| f64::from(squared).sqrt() > limit) else {
+            return Ok(());
+        };
+        let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
+        let speed_of = |slot: usize| {
+            let squared: f64 = self.velocity.iter().map(|v| f64::from(v[slot]).powi(2)).sum();
+            if squared.is_finite() { squared.sqrt() } else { f64::INFINITY }
+        };
+        let worst = slots
+            .filter_map(|slot| Some((speed_of(slot), self.layout.particle_of_slot(&self.lattice, slot)?)))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        let (speed, particle) = worst.expect("a block holds particles");
+        Err(StepError::Diverged {
+            time: self.time() + self.dt,
+            step: self.steps + 1,
+            place: self.lattice.rest_place(particle),
+            speed,
+            moves: speed * self.dt / self.lattice.pitch,
+            dt: self.dt,
+            cause: self.likely_cause(),
+        })
+    }
+
+    fn likely_cause(&self) -> String {
+        let bound = super::stable_dt::stable_dt(&self.lattice, &self.topology, &self.assembly);
+        if self.dt > bound {
+            format!(
+                "the step is {:.2} times the stable one ({bound:.3e} s): ask for a smaller time.dt or leave it out",
+                self.dt / bound
+            )
+        } else {
+            "the step is within the stable bound, so a force or a grabbed region moves the tissue faster than it can \
+             follow: lower the force, or give the motion more time"
+                .to_owned()
+        }
+    }
+
+    fn drift(&mut self) {
+        let dt = self.dt as f32;
+        for axis in 0..3 {
+            self.displacement[axis]
+                .par_chunks_mut(16 * BLOCK_LEN)
+                .zip(self.velocity[axis].par_chunks(16 * BLOCK_LEN))
+                .for_each(|(displacement, velocity)| {
+                    for (u, v) in displacement.iter_mut().zip(velocity) {
+                        *u += dt * v;
+                    }
+                });
+        }
+    }
+
+    /// Sweeps a blade through the lattice where it is now and severs every spring it crosses; returns how many.
+    pub fn cut(&mut self, sweep: &Sweep) -> usize {
+        let found = crossings(&self.lattice, &self.layout, &self.topology, &self.displacement, sweep);
+        let time = self.time();
+        let mut count = 0;
+        for crossing in found {
+            let direction = usize::from(crossing.direction);
+            let severed =
+                SeveredSpring { particle: crossing.particle, direction: crossing.direction, at: crossing.at, time };
+            if self.topology.sever(&self.lattice, severed) {
+                let far = self.lattice.neighbour(crossing.particle, direction).expect("a spring has two ends");
+                let slot = |particle: u32| self.layout.slot[particle as usize];
+                self.springs.sever(slot(crossing.particle), direction, slot(far), opposite(direction));
+                count += 1;
+            }
+        }
+        count
+    }
+
+    /// Largest distance any particle covered in the last step [m]; 0 before the first.
+    pub fn longest_move(&self) -> f64 {
+        f64::from(self.fastest_squared).sqrt() * self.dt
+    }
+
+    /// Brings a slot's weight in line with who claims it.
+    pub(super) fn refresh(&mut self, slot: u32) {
+        let claims = self.claims[slot as usize];
+        let particle = self.layout.particle_of_slot(&self.lattice, slot as usize);
+        let mass = particle.map_or(0.0, |particle| f64::from(self.assembly.mass[particle as usize]));
+        let free = claims == Claims::default() && mass > 0.0;
+        self.dt_over_mass[slot as usize] = if free { (self.dt / mass) as f32 } else { 0.0 };
+        if claims.holds > 0 {
+            for velocity in &mut self.velocity {
+                velocity[slot as usize] = 0.0;
+            }
+        }
+    }
+}
