@@ -1,29 +1,38 @@
 //! A scene after checking: every choice made, every unit SI, every place RAS+ [mm].
+//!
+//! A run directory keeps this form as JSON. Each key of the JSON ends in its unit (`youngs_modulus_pa`), a time without
+//! end is `null`, and reading what was written gives the same scene bit for bit.
 
 use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::region::Region;
 
 /// Everything a run needs to know.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Scene {
     /// Where the voxels come from.
     pub volume: VolumeSource,
     /// How particles are laid over them.
     pub lattice: LatticeSpec,
-    /// Organs, in the order of the scene; a voxel belongs to the first that selects it.
+    /// Organs, in the order of the scene; a voxel belongs to the first that selects it. At least one, at most 255.
     pub organs: Vec<Organ>,
     /// Duration, frames and step.
     pub time: TimeSpec,
     /// Acceleration of every particle that is free to move, RAS+ [m/s^2].
+    #[serde(rename = "gravity_m_per_s2")]
     pub gravity: Vector3,
-    /// What happens when.
+    /// What happens when, by ascending [`Operation::from`]; at the same time in the order of the scene's text.
     pub operations: Vec<Operation>,
 }
 
 /// Where the voxels come from.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum VolumeSource {
     /// Files on disk; at least one of the two.
     Files {
@@ -37,6 +46,7 @@ pub enum VolumeSource {
         /// Which one.
         kind: PhantomKind,
         /// Voxel spacing [mm].
+        #[serde(rename = "spacing_mm")]
         spacing: f64,
         /// Seed of its noise and texture.
         seed: u64,
@@ -44,7 +54,8 @@ pub enum VolumeSource {
 }
 
 /// The volumes the program can make.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum PhantomKind {
     /// Liver with vessels, kidney, spine, ribs, fat and skin.
     Abdomen,
@@ -55,16 +66,19 @@ pub enum PhantomKind {
 }
 
 /// How particles are laid over the voxels.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LatticeSpec {
     /// Which law joins them.
     pub model: Model,
     /// Distance of neighbouring particles [m]; `None` takes the volume's own spacing.
+    #[serde(rename = "pitch_m")]
     pub pitch: Option<f64>,
 }
 
 /// The two ways to turn voxels into springs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Model {
     /// One particle per voxel, equal springs: Hattori and Kaneko.
     Paper,
@@ -73,7 +87,8 @@ pub enum Model {
 }
 
 /// One organ.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Organ {
     /// Its name, unique in the scene.
     pub name: String,
@@ -82,40 +97,50 @@ pub struct Organ {
     /// What it is made of.
     pub body: Body,
     /// Linear RGB in 0..=1.
+    #[serde(rename = "color_linear_rgb")]
     pub color: [f32; 3],
 }
 
 /// Which voxels an organ takes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum VoxelSelection {
-    /// Voxels with one of these labels.
+    /// Voxels with one of these labels, ascending; no label belongs to two organs.
     Labels(Vec<u16>),
     /// Voxels whose value lies in a range, borders included [HU].
     Hu {
         /// Lowest value [HU].
+        #[serde(rename = "min_hu")]
         min: f32,
         /// Highest value [HU].
+        #[serde(rename = "max_hu")]
         max: f32,
     },
 }
 
 /// What an organ is made of.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Body {
     /// Equal springs and dampers (model `paper`).
     Paper {
         /// Spring constant [N/m].
+        #[serde(rename = "stiffness_n_per_m")]
         stiffness: f64,
         /// Dashpot constant [N s/m]; the paper's per-step damper is `damping / dt`.
+        #[serde(rename = "damping_n_s_per_m")]
         damping: f64,
         /// Mass of a particle [kg].
+        #[serde(rename = "mass_kg")]
         mass: f64,
     },
     /// Isotropic elastic tissue with Poisson's ratio 1/4 (model `tissue`).
     Tissue {
         /// Young's modulus [Pa].
+        #[serde(rename = "youngs_modulus_pa")]
         youngs_modulus: f64,
         /// Density [kg/m^3].
+        #[serde(rename = "density_kg_per_m3")]
         density: f64,
         /// Damping relative to critical at the lattice's own frequency `sqrt(E / density) / pitch`.
         damping_ratio: f64,
@@ -125,31 +150,38 @@ pub enum Body {
 }
 
 /// Duration, frames and step.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TimeSpec {
     /// Simulated time [s].
+    #[serde(rename = "duration_s")]
     pub duration: f64,
     /// Frames written after the first (which shows rest), evenly spaced.
     pub frames: usize,
     /// Time step [s]; `None` lets the program choose a stable one.
+    #[serde(rename = "dt_s")]
     pub dt: Option<f64>,
 }
 
 /// One entry of the time line.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Operation {
     /// Its name in messages; unique in the scene.
     pub name: String,
     /// Begins [s].
+    #[serde(rename = "from_s")]
     pub from: f64,
     /// Ends [s]; infinite when it lasts to the end of the run.
+    #[serde(rename = "until_s", with = "null_is_endless")]
     pub until: f64,
     /// What it does.
     pub action: Action,
 }
 
 /// What an operation does between `from` and `until`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Action {
     /// Holds a region where it is.
     Fix {
@@ -161,24 +193,125 @@ pub enum Action {
         /// Which particles.
         region: Region,
         /// Sum over the region, RAS+ [N].
+        #[serde(rename = "force_n")]
         force: Vector3,
         /// Time over which the force grows linearly from zero [s].
+        #[serde(rename = "ramp_s")]
         ramp: f64,
     },
     /// Grabs a region and moves it along a path, then holds it until the operation ends.
     Grab {
         /// Which particles.
         region: Region,
-        /// Displacements from where the region was grabbed, RAS+ [mm]; straight between, at constant speed.
+        /// Displacements from where the region was grabbed, the first one zero, RAS+ [mm]; straight between, at
+        /// constant speed.
+        #[serde(rename = "path_mm")]
         path: Vec<Vector3>,
         /// When the end of the path is reached [s].
+        #[serde(rename = "arrive_s")]
         arrive: f64,
     },
     /// Sweeps the edge of a blade and severs every spring it goes through.
     Cut {
         /// The edge: a polyline of at least two points, RAS+ [mm].
+        #[serde(rename = "blade_mm")]
         blade: Vec<Point3>,
-        /// Offsets of the edge from where it is drawn, RAS+ [mm]; straight between, at constant speed.
+        /// Offsets added to every point of `blade`, at least two, RAS+ [mm]: the edge starts at `blade + path[0]` when
+        /// the operation begins and is at `blade + path.last()` when it ends; straight between, at constant speed.
+        #[serde(rename = "path_mm")]
         path: Vec<Vector3>,
     },
+}
+
+/// JSON has no infinity: a time without end is written as `null`.
+mod null_is_endless {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(until: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        until.is_finite().then_some(*until).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene() -> Scene {
+        let region = Region::Any(vec![
+            Region::Sphere { center: Point3::new(0.1 + 0.2, -1e-300, 5e300), radius: 1.0 / 3.0 },
+            Region::Not(Box::new(Region::All(vec![
+                Region::Organ(3),
+                Region::Box { min: Point3::origin(), max: Point3::new(1.0, 2.0, 3.0) },
+                Region::Nearest { point: Point3::new(1.0, 2.0, 3.0), count: 7 },
+            ]))),
+            Region::HalfSpace { point: Point3::origin(), normal: Vector3::z() },
+        ]);
+        let paper = Body::Paper { stiffness: 0.1, damping: 0.7e-3, mass: 1e-5 };
+        let tissue = Body::Tissue { youngs_modulus: 5e3, density: 1060.0, damping_ratio: 0.1 };
+        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color: [0.1, 0.2, 1.0 / 3.0] };
+        let actions = [
+            Action::Fix { region: region.clone() },
+            Action::Force { region: region.clone(), force: Vector3::new(0.0, -3.1, 0.0), ramp: 0.02 },
+            Action::Grab { region, path: vec![Vector3::zeros(), Vector3::new(0.0, -20.0, 0.3)], arrive: 0.4 },
+            Action::Cut { blade: vec![Point3::origin(); 2], path: vec![Vector3::x(), Vector3::y()] },
+        ];
+        Scene {
+            volume: VolumeSource::Files { image: Some("a/ct.nii.gz".into()), labels: None },
+            lattice: LatticeSpec { model: Model::Tissue, pitch: Some(0.003) },
+            organs: vec![
+                organ("a", VoxelSelection::Labels(vec![1, 65535]), paper),
+                organ("b", VoxelSelection::Hu { min: -0.1, max: 120.3 }, tissue),
+                organ("c", VoxelSelection::Labels(vec![7]), Body::Rigid),
+            ],
+            time: TimeSpec { duration: 0.4, frames: 40, dt: None },
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            operations: actions
+                .into_iter()
+                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY])
+                .map(|(action, until)| Operation { name: format!("{until}"), from: 0.1, until, action })
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn json_gives_the_same_scene_back() {
+        let files = scene();
+        let volume = VolumeSource::Phantom { kind: PhantomKind::Abdomen, spacing: 4.1, seed: u64::MAX };
+        let phantom = Scene { volume, ..files.clone() };
+        for scene in [files, phantom] {
+            let text = serde_json::to_string_pretty(&scene).unwrap();
+            assert_eq!(serde_json::from_str::<Scene>(&text).unwrap(), scene, "{text}");
+        }
+    }
+
+    #[test]
+    fn json_names_its_units_and_has_null_for_no_end() {
+        let value = serde_json::to_value(scene()).unwrap();
+        assert_eq!(value["lattice"]["pitch_m"], 0.003);
+        assert_eq!(value["organs"][1]["body"]["tissue"]["youngs_modulus_pa"], 5e3);
+        assert_eq!(value["organs"][0]["voxels"]["labels"][1], 65535);
+        assert!(value["operations"][0]["until_s"].is_null());
+        let region = &value["operations"][0]["action"]["fix"]["region"];
+        assert_eq!(region["any"][0]["sphere"]["center_mm"][0], 0.1 + 0.2);
+        assert_eq!(value["operations"][3]["action"]["cut"]["path_mm"][0][0], 1.0);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn every_finite_number_survives_json(bits: u64, pitch: f64) {
+            let duration = f64::from_bits(bits);
+            proptest::prop_assume!(duration.is_finite());
+            let scene = Scene {
+                lattice: LatticeSpec { model: Model::Paper, pitch: Some(pitch) },
+                time: TimeSpec { duration, frames: 1, dt: None },
+                ..scene()
+            };
+            let text = serde_json::to_string(&scene).unwrap();
+            proptest::prop_assert_eq!(serde_json::from_str::<Scene>(&text).unwrap(), scene);
+        }
+    }
 }
