@@ -87,6 +87,11 @@ impl BlockSprings {
         self.kind.iter().filter(|kind| matches!(kind, BlockKind::Alike { .. })).count()
     }
 
+    /// Lets every block take the general body.
+    pub(super) fn forget_alike_blocks(&mut self) {
+        self.kind.fill(BlockKind::General);
+    }
+
     /// Bytes held by the spring arrays.
     pub(super) fn bytes(&self) -> usize {
         let constants = match &self.law {

@@ -332,21 +332,37 @@ impl World {
 
     /// Sweeps a blade through the lattice where it is now and severs every spring it crosses; returns how many.
     pub fn cut(&mut self, sweep: &Sweep) -> usize {
-        let found = crossings(&self.lattice, &self.layout, &self.topology, &self.displacement, sweep);
         let time = self.time();
+        let found = crossings(&self.lattice, &self.layout, &self.topology, &self.displacement, sweep);
+        self.sever(found.into_iter().map(|crossing| SeveredSpring {
+            particle: crossing.particle,
+            direction: crossing.direction,
+            at: crossing.at,
+            time,
+        }))
+    }
+
+    /// Severs the given springs; returns how many of them were alive.
+    ///
+    /// # Panics
+    /// If a direction is not a forward one, or has no neighbour.
+    pub fn sever(&mut self, springs: impl IntoIterator<Item = SeveredSpring>) -> usize {
         let mut count = 0;
-        for crossing in found {
-            let direction = usize::from(crossing.direction);
-            let severed =
-                SeveredSpring { particle: crossing.particle, direction: crossing.direction, at: crossing.at, time };
-            if self.topology.sever(&self.lattice, severed) {
-                let far = self.lattice.neighbour(crossing.particle, direction).expect("a spring has two ends");
+        for spring in springs {
+            if self.topology.sever(&self.lattice, spring) {
+                let direction = usize::from(spring.direction);
+                let far = self.lattice.neighbour(spring.particle, direction).expect("a spring has two ends");
                 let slot = |particle: u32| self.layout.slot[particle as usize];
-                self.springs.sever(slot(crossing.particle), direction, slot(far), opposite(direction));
+                self.springs.sever(slot(spring.particle), direction, slot(far), opposite(direction));
                 count += 1;
             }
         }
         count
+    }
+
+    /// Steps every block with the general body from now on. Same bits, slower: for tests and measurements.
+    pub fn forget_alike_blocks(&mut self) {
+        self.springs.forget_alike_blocks();
     }
 
     /// Largest distance any particle covered in the last step [m]; 0 before the first.
