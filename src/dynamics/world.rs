@@ -236,11 +236,7 @@ impl World {
 
     /// New velocities; returns the largest squared speed of each block.
     fn kick(&mut self) -> Vec<f32> {
-        let step = StepConstants {
-            pitch: self.lattice.pitch as f32,
-            dt: self.dt as f32,
-            gravity_dt: [0, 1, 2].map(|axis| (self.gravity[axis] * self.dt) as f32),
-        };
+        let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
         let damped = self.springs.damped();
         let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, .. } = self;
         let old_velocity: [&[f32]; 3] = [&[]; 3];

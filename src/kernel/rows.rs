@@ -16,7 +16,7 @@
 
 use super::halo::{HALO_ROW, Halo, halo_row};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
-use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, family};
+use crate::lattice::neighbours::{OFFSETS, family};
 
 /// Particles of a row.
 pub const LANES: usize = BLOCK[0];
@@ -198,10 +198,28 @@ pub struct BlockState<'a> {
 pub struct StepConstants {
     /// Distance of neighbouring particles [m].
     pub pitch: f32,
+    /// Rest length of face, face-diagonal and body-diagonal springs [m].
+    pub rest_length: [f32; 3],
     /// Time step [s].
     pub dt: f32,
     /// What gravity adds to the velocity of a free particle in one step [m/s].
     pub gravity_dt: [f32; 3],
+}
+
+impl StepConstants {
+    /// - `pitch` [m], `dt` [s], `gravity` in lattice axes [m/s^2].
+    ///
+    /// Rest lengths are computed as the loop computes lengths, so that a lattice at rest has no force at all.
+    pub fn new(pitch: f64, dt: f64, gravity: [f64; 3]) -> Self {
+        let pitch = pitch as f32;
+        let square = pitch * pitch;
+        Self {
+            pitch,
+            rest_length: [pitch, (square + square).sqrt(), (square + square + square).sqrt()],
+            dt: dt as f32,
+            gravity_dt: gravity.map(|g| (g * dt) as f32),
+        }
+    }
 }
 
 /// Advances the velocities of one block by one step of symplectic Euler.
@@ -305,7 +323,7 @@ fn add_spring<const D: usize, K: SpringConstant, C: SpringConstant, A: Alive>(
     }
     let length_squared = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).max(SHORTEST_SQUARED);
     let length = length_squared.sqrt();
-    let rest_length = row.step.pitch * const { rest_length_of(D) };
+    let rest_length = row.step.rest_length[const { family(D) } - 1];
     let stiffness = A::keep::<D>(&row.alive, lane, K::of::<D>(&row.stiffness, lane));
     let mut factor = stiffness * (1.0 - rest_length / length);
     if C::PRESENT {
@@ -340,13 +358,6 @@ const fn column_of(d: usize) -> usize {
 
 const fn rest_of(d: usize) -> [f32; 3] {
     [OFFSETS[d][0] as f32, OFFSETS[d][1] as f32, OFFSETS[d][2] as f32]
-}
-
-/// Rest length of a spring [pitches].
-pub const fn rest_length_of(direction: usize) -> f32 {
-    const BY_FAMILY: [f32; 3] = [1.0, std::f32::consts::SQRT_2, 1.732_050_8];
-    const { assert!(NEIGHBOURS == 26) };
-    BY_FAMILY[family(direction) - 1]
 }
 
 #[inline(always)]
