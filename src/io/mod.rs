@@ -1,3 +1,4 @@
 //! Files: one format per module. Nothing here simulates.
 
 pub mod atomic;
+pub mod nifti;

@@ -1,4 +1,18 @@
 //! CT volumes and label maps: values on a grid in patient space.
+//!
+//! Crop, sample, resample and measure. Nothing here opens a file, and nothing changes a volume in place. Every operation is
+//! one pass over the voxels, on all threads, with the same bits at any thread count.
+
+mod bounds;
+mod resample;
+mod same_grid;
+mod sample;
+mod statistics;
+
+pub use bounds::{VoxelBox, margin_in_voxels};
+pub use resample::{ResampleError, grid_with_spacing, label_fraction, resample_ct, resample_labels};
+pub use same_grid::{GridMismatch, SAME_GRID_TOLERANCE, check_same_grid};
+pub use statistics::{LabelSummary, Statistics};
 
 use ndarray::Array3;
 
