@@ -3,6 +3,7 @@
 pub mod geometry;
 pub mod io;
 pub mod lattice;
+pub mod phantom;
 pub mod scene;
 pub mod surface;
 pub mod volume;
