@@ -7,6 +7,7 @@ pub mod io;
 pub mod kernel;
 pub mod lattice;
 pub mod material;
+pub mod phantom;
 pub mod scene;
 pub mod surface;
 pub mod volume;
