@@ -5,7 +5,7 @@
 //! when every organ with vertices has it.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
 
 use ply_rs_bw::parser::{Parser, Reader};
@@ -311,7 +311,7 @@ pub fn read_ply(path: &Path) -> Result<TriangleMesh, ReadMeshError> {
 
 /// Reads the rows of one element, one at a time: memory follows what the file holds, not what its header promises.
 fn rows<E: PropertyAccess>(
-    input: &mut (impl BufRead + Read),
+    input: &mut impl BufRead,
     encoding: Encoding,
     element: &ElementDef,
     mut row: impl FnMut(E, usize) -> Result<(), String>,

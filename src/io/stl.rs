@@ -40,10 +40,8 @@ pub fn write_stl(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError
         advice: "write PLY, or one organ at a time",
     })?;
     atomic::write_file(path, |writer| {
-        let mut facets = organs.iter().flat_map(|organ| facets(&organ.mesh));
-        // stl_io asks for the length first, which a flattened iterator cannot tell.
-        let counted = (0..total).map(|_| facets.next().expect("as many facets as triangles were counted"));
-        stl_io::write_stl(writer, counted)?;
+        let facets = organs.iter().flat_map(|organ| facets(&organ.mesh));
+        stl_io::write_stl(writer, Counted { left: total as usize, facets })?;
         // stl_io leaves the header zero.
         writer.seek(SeekFrom::Start(0))?;
         writer.write_all(HEADER.as_bytes())
@@ -73,6 +71,27 @@ pub fn write_stl_ascii(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMes
     .map_err(WriteMeshError::io(path))
 }
 
+/// Facets with their number, which stl_io writes first and a flattened iterator cannot tell.
+struct Counted<I> {
+    left: usize,
+    facets: I,
+}
+
+impl<I: Iterator> Iterator for Counted<I> {
+    type Item = I::Item;
+
+    fn next(&mut self) -> Option<I::Item> {
+        self.left = self.left.saturating_sub(1);
+        self.facets.next()
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        (self.left, Some(self.left))
+    }
+}
+
+impl<I: Iterator> ExactSizeIterator for Counted<I> {}
+
 fn facets(mesh: &TriangleMesh) -> impl Iterator<Item = stl_io::Triangle> {
     mesh.triangles.iter().map(|corners| {
         let vertices = corners.map(|corner| mesh.positions[corner as usize]);
@@ -100,10 +119,8 @@ fn facet_normal(corners: [[f32; 3]; 3]) -> [f32; 3] {
 pub fn read_stl(path: &Path) -> Result<TriangleMesh, ReadMeshError> {
     let mut bytes = fs::read(path).map_err(ReadMeshError::io(path))?;
     let malformed = |what: String| ReadMeshError::malformed(path, FORMAT, what);
-    let promised = bytes.get(80..84).map(|count| {
-        let count = u32::from_le_bytes(count.try_into().expect("four bytes"));
-        (count, HEADER_BYTES + 4 + FACET_BYTES * u64::from(count))
-    });
+    let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    let promised = count.map(|count| (count, HEADER_BYTES + 4 + FACET_BYTES * u64::from(count)));
     let found = bytes.len() as u64;
     let fits = promised.is_some_and(|(_, length)| length == found);
     let mut mesh = Welded::default();
