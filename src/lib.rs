@@ -8,6 +8,8 @@ pub mod kernel;
 pub mod lattice;
 pub mod material;
 pub mod phantom;
+pub mod plot;
 pub mod scene;
+pub mod slice;
 pub mod surface;
 pub mod volume;

@@ -2,3 +2,9 @@
 
 pub mod atomic;
 pub mod nifti;
+pub mod gltf;
+pub mod mesh_error;
+pub mod mesh_format;
+pub mod ply;
+pub mod png;
+pub mod stl;
