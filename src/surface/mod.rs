@@ -1,3 +1,59 @@
 //! From the lattice to a surface: extraction, carrying, checking.
+//!
+//! ```text
+//! field      a value per grid point, above zero in tissue
+//! extract    once per cut epoch: crossings -> triangles, and for each vertex the particles that carry it
+//! carry      once per frame: displacements of the particles -> a TriangleMesh
+//! check      is a mesh closed, manifold, oriented; its area, volume and parts
+//! ```
+//! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
 
+pub mod check;
+mod embed;
+mod extract;
+pub mod field;
+mod gradient;
+mod marching_cubes;
 pub mod mesh;
+mod normals;
+mod seam;
+pub mod weld;
+
+pub use extract::Surface;
+pub use marching_cubes::marching_cubes;
+
+use crate::geometry::GridShape;
+
+/// Why a surface could not be made.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SurfaceError {
+    /// The field does not fit the grid.
+    #[error(
+        "the field has {found} values, but a grid of {shape} points needs {expected}: sample it on the lattice's grid"
+    )]
+    FieldLength {
+        /// Values given.
+        found: usize,
+        /// Values needed.
+        expected: usize,
+        /// Grid points along each axis.
+        shape: GridShape,
+    },
+    /// Vertex numbers are 32 bits wide.
+    #[error("the surface needs more than {} vertices or triangles; crop the volume or take a coarser pitch", u32::MAX)]
+    TooManyVertices,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_name_what_was_found_and_what_to_do() {
+        let error = SurfaceError::FieldLength { found: 7, expected: 24, shape: GridShape::new(2, 3, 4) };
+        let text = error.to_string();
+        assert!(text.contains('7') && text.contains("24") && text.contains("2x3x4"), "{text}");
+        assert!(SurfaceError::TooManyVertices.to_string().contains("coarser"));
+    }
+}
