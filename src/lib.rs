@@ -9,6 +9,7 @@ pub mod lattice;
 pub mod material;
 pub mod phantom;
 pub mod plot;
+pub mod run;
 pub mod scene;
 pub mod slice;
 pub mod surface;

@@ -46,8 +46,10 @@ pub struct Event {
 pub enum What {
     /// It began, on this many particles (0 for a cut).
     Began(usize),
-    /// It ended.
+    /// It ended, or the run did.
     Ended,
+    /// The run ended before it could begin.
+    NeverBegan,
     /// A cut ended, having severed this many springs; 0 means the blade missed.
     Severed(usize),
 }
@@ -117,6 +119,20 @@ impl Timeline {
             entry.advance(world, &mut events);
         }
         events
+    }
+
+    /// Reports what is still going on, or never began, when the run is over.
+    pub fn finish(&mut self, world: &World) -> Vec<Event> {
+        let report = |entry: &mut Entry| {
+            let what = match std::mem::replace(&mut entry.state, State::Done) {
+                State::Waiting => What::NeverBegan,
+                State::Acting(_) => What::Ended,
+                State::Cutting(cutting) => What::Severed(cutting.severed),
+                State::Done => return None,
+            };
+            Some(Event { time: world.time(), operation: entry.operation.name.clone(), what })
+        };
+        self.entries.iter_mut().filter_map(report).collect()
     }
 }
 

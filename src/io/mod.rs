@@ -1,10 +1,10 @@
 //! Files: one format per module. Nothing here simulates.
 
 pub mod atomic;
-pub mod nifti;
 pub mod gltf;
 pub mod mesh_error;
 pub mod mesh_format;
+pub mod nifti;
 pub mod ply;
 pub mod png;
 pub mod stl;

@@ -1,0 +1,141 @@
+//! The volumes a scene names, read and checked against each other.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use crate::io::nifti::{ReadVolumeError, read_ct, read_labels};
+use crate::phantom::{self, PhantomError};
+use crate::scene::resolved::VolumeSource;
+use crate::volume::{CtVolume, GridMismatch, LabelVolume, check_same_grid};
+
+/// What a scene is simulated from. At least one of the two volumes is there; if both are, they share a grid.
+#[derive(Debug, Clone)]
+pub struct Inputs {
+    /// CT image [HU].
+    pub image: Option<CtVolume>,
+    /// Label map.
+    pub labels: Option<LabelVolume>,
+    /// Voxels of the image that were NaN or infinite and have been read as air.
+    pub replaced_voxels: u64,
+    /// The files that were read.
+    pub files: Vec<InputFile>,
+}
+
+/// A file that was read, so that a run can be traced to it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InputFile {
+    /// Absolute path.
+    pub path: PathBuf,
+    /// Size [bytes].
+    pub bytes: u64,
+    /// SHA-256 of the file, as 64 hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Why the volumes of a scene cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum InputError {
+    /// A file is missing, damaged or of another kind.
+    #[error(transparent)]
+    Read(#[from] ReadVolumeError),
+    /// The phantom cannot be made.
+    #[error(transparent)]
+    Phantom(#[from] PhantomError),
+    /// Image and labels do not lie on the same grid.
+    #[error("{} and {} do not belong together: {source}", image.display(), labels.display())]
+    Grid {
+        /// The image.
+        image: PathBuf,
+        /// The label map.
+        labels: PathBuf,
+        /// How they differ.
+        source: GridMismatch,
+    },
+    /// A file that was just read cannot be read again for its checksum.
+    #[error("{}: could not compute its checksum", path.display())]
+    Checksum {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// Reads or makes the volumes of a scene.
+///
+/// # Errors
+/// See [`InputError`].
+pub fn load(source: &VolumeSource) -> Result<Inputs, InputError> {
+    match source {
+        VolumeSource::Phantom { kind, spacing, seed } => {
+            let phantom = phantom::make(*kind, *spacing, *seed)?;
+            Ok(Inputs {
+                image: Some(phantom.image),
+                labels: Some(phantom.labels),
+                replaced_voxels: 0,
+                files: Vec::new(),
+            })
+        }
+        VolumeSource::Files { image: image_path, labels: labels_path } => {
+            let mut files = Vec::new();
+            let mut replaced_voxels = 0;
+            let image = match image_path {
+                Some(path) => {
+                    let (image, info) = read_ct(path)?;
+                    replaced_voxels = info.replaced_voxels;
+                    record(&mut files, &info.header_path, &info.data_path)?;
+                    Some(image)
+                }
+                None => None,
+            };
+            let labels = match labels_path {
+                Some(path) => {
+                    let (labels, info) = read_labels(path)?;
+                    record(&mut files, &info.header_path, &info.data_path)?;
+                    Some(labels)
+                }
+                None => None,
+            };
+            if let (Some(image), Some(labels)) = (&image, &labels) {
+                check_same_grid(image.grid(), labels.grid()).map_err(|source| InputError::Grid {
+                    image: image_path.clone().unwrap_or_default(),
+                    labels: labels_path.clone().unwrap_or_default(),
+                    source,
+                })?;
+            }
+            Ok(Inputs { image, labels, replaced_voxels, files })
+        }
+    }
+}
+
+fn record(files: &mut Vec<InputFile>, header: &Path, data: &Path) -> Result<(), InputError> {
+    for path in if header == data { vec![header] } else { vec![header, data] } {
+        files.push(checksum(path).map_err(|source| InputError::Checksum { path: path.to_owned(), source })?);
+    }
+    Ok(())
+}
+
+fn checksum(path: &Path) -> io::Result<InputFile> {
+    let path = std::path::absolute(path)?;
+    let mut file = std::fs::File::open(&path)?;
+    let mut hash = Sha256::new();
+    let bytes = io::copy(&mut file, &mut HashWriter(&mut hash))?;
+    let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    Ok(InputFile { path, bytes, sha256 })
+}
+
+struct HashWriter<'a>(&'a mut Sha256);
+
+impl io::Write for HashWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
