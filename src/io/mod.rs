@@ -1,4 +1,5 @@
 //! Files: one format per module. Nothing here simulates.
 
 pub mod atomic;
+pub mod label_names;
 pub mod nifti;
