@@ -4,6 +4,7 @@ pub mod atomic;
 pub mod gltf;
 pub mod mesh_error;
 pub mod mesh_format;
+pub mod label_names;
 pub mod nifti;
 pub mod ply;
 pub mod png;

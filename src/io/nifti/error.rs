@@ -182,7 +182,7 @@ pub enum ReadVolumeError {
     },
     /// Fewer bytes than the header promises.
     #[error(
-        "{}: ends after {found} bytes, expected {expected} ({shape} voxels of {datatype} from byte {offset}); the \
+        "{}: holds at most {found} bytes, expected {expected} ({shape} voxels of {datatype} from byte {offset}); the \
          file is truncated or its dim is damaged, copy it again",
         path.display()
     )]
