@@ -1,0 +1,258 @@
+//! The time line: fixes, cuts, pulls and pushes, what they act on, and when they end.
+
+use super::checks::Checks;
+use super::diagnostics::KeyPath;
+use super::problem::{Caution, Problem, nearest_name, number};
+use super::regions::region;
+use super::resolved::{Action, Operation};
+use super::schema::{self, SceneFile};
+use super::values::Triple;
+use crate::geometry::{Point3, Vector3};
+
+/// An operation with the way to its table.
+struct Entry {
+    table: KeyPath,
+    operation: Operation,
+}
+
+/// Checks and resolves the time line; `None` when a problem was found. Without a duration (itself wrong) the checks
+/// against the end of the run are left out.
+pub(super) fn operations(checks: &mut Checks<'_>, file: &SceneFile, duration: Option<f64>) -> Option<Vec<Operation>> {
+    let before = checks.problems.len();
+    let duration = duration.unwrap_or(f64::INFINITY);
+    let mut entries = Vec::new();
+    for (index, fix) in file.fix.iter().enumerate() {
+        let table = KeyPath::top("fix").index(index);
+        let (from, to) = span(checks, &table, fix.from, fix.to);
+        let action = region(checks, &table.key("region"), &fix.region, file).map(|region| Action::Fix { region });
+        push(&mut entries, table, name(&fix.name, "fix", index), from, to.unwrap_or(f64::INFINITY), action);
+    }
+    for (index, cut) in file.cut.iter().enumerate() {
+        let table = KeyPath::top("cut").index(index);
+        let (from, to) = span(checks, &table, cut.from, Some(cut.to));
+        let action = blade_sweep(checks, &table, cut);
+        push(&mut entries, table, name(&cut.name, "cut", index), from, to.unwrap_or(cut.to), action);
+    }
+    for (kind, list) in [("pull", &file.pull), ("push", &file.push)] {
+        for (index, pull) in list.iter().enumerate() {
+            let table = KeyPath::top(kind).index(index);
+            let (from, to) = span(checks, &table, pull.from, pull.to);
+            let action = force_or_grab(checks, &table, pull, file, to.unwrap_or(duration));
+            // A grab holds on after its path has ended; a force does not.
+            let until = to.filter(|_| pull.path.is_none()).unwrap_or(f64::INFINITY);
+            push(&mut entries, table, name(&pull.name, kind, index), from, until, action);
+        }
+    }
+    check_names(checks, &entries);
+    release(checks, file, &mut entries);
+    if checks.problems.len() > before {
+        return None;
+    }
+    for entry in &entries {
+        check_against_run(checks, entry, duration);
+    }
+    // Sorted once more by time below, so that what begins together stays in the order of the text.
+    entries.sort_by_key(|entry| checks.offset(&entry.table));
+    entries.sort_by(|a, b| a.operation.from.total_cmp(&b.operation.from));
+    Some(entries.into_iter().map(|entry| entry.operation).collect())
+}
+
+fn name(written: &Option<String>, kind: &str, index: usize) -> String {
+    written.clone().unwrap_or_else(|| format!("{kind} {}", index + 1))
+}
+
+fn push(entries: &mut Vec<Entry>, table: KeyPath, name: String, from: f64, until: f64, action: Option<Action>) {
+    // Without an action the problem has been reported; the time line is refused as a whole.
+    if let Some(action) = action {
+        entries.push(Entry { table, operation: Operation { name, from, until, action } });
+    }
+}
+
+/// Checks `from` and `to` of an operation.
+fn span(checks: &mut Checks<'_>, table: &KeyPath, from: Option<f64>, to: Option<f64>) -> (f64, Option<f64>) {
+    let from = from.map_or(0.0, |from| checks.not_negative(&table.key("from"), from, "s"));
+    if let Some(to) = to {
+        let key = table.key("to");
+        if !to.is_finite() {
+            checks.out_of_range(&key, number(to), "a finite time (s); leave `to` out to last to the end of the run");
+        } else if to <= from {
+            checks.problem(&key, Problem::NotAfter { found: number(to), earlier_name: "from", earlier: number(from) });
+        }
+    }
+    (from, to)
+}
+
+fn blade_sweep(checks: &mut Checks<'_>, table: &KeyPath, cut: &schema::Cut) -> Option<Action> {
+    let blade = polyline(checks, &table.key("blade"), &cut.blade, "the edge of a blade");
+    let path = polyline(checks, &table.key("path"), &cut.path, "the path of a blade");
+    let (blade, path) = (blade?, path?);
+    // An edge that only slides along itself sweeps no area, so it can sever nothing.
+    let sweeps = blade.windows(2).any(|edge| {
+        path.windows(2).any(|way| {
+            let (edge, way) = (edge[1] - edge[0], way[1] - way[0]);
+            edge.cross(&way).norm() > 1e-9 * edge.norm() * way.norm()
+        })
+    });
+    if !sweeps {
+        let found = "the blade moves along its own edge and sweeps no area".to_owned();
+        let expected = "a path across the edge".to_owned();
+        checks.problem(&table.key("path"), Problem::Degenerate { found, expected });
+    }
+    Some(Action::Cut { blade: blade.into_iter().map(Point3::from).collect(), path })
+}
+
+/// Finite places, at least two of them, and a length above zero.
+fn polyline(checks: &mut Checks<'_>, key: &KeyPath, points: &[Triple], what: &str) -> Option<Vec<Vector3>> {
+    let points: Vec<Vector3> = checks.triples(key, points).into_iter().map(Vector3::from).collect();
+    if !points.iter().flatten().all(|part| part.is_finite()) {
+        return None;
+    }
+    let length: f64 = points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+    if points.len() < 2 {
+        let found = format!("{what} has {} of the points it needs", points.len());
+        checks.problem(key, Problem::Degenerate { found, expected: "at least two points [x, y, z] in mm".into() });
+        return None;
+    }
+    if length == 0.0 {
+        let found = format!("{what} has length 0 mm: all its {} points are the same", points.len());
+        checks.problem(key, Problem::Degenerate { found, expected: "at least two different points in mm".into() });
+        return None;
+    }
+    Some(points)
+}
+
+fn force_or_grab(
+    checks: &mut Checks<'_>,
+    table: &KeyPath,
+    pull: &schema::Pull,
+    file: &SceneFile,
+    arrive: f64,
+) -> Option<Action> {
+    let region = region(checks, &table.key("region"), &pull.region, file);
+    match (pull.force, &pull.path) {
+        (Some(_), Some(_)) => {
+            let next = "pull by a force (N), or grab and move along a path (mm)".to_owned();
+            checks
+                .problem(&table.key("path"), Problem::Conflict { first: "force".into(), second: "path".into(), next });
+            None
+        }
+        (None, None) => {
+            checks.missing(table, "force", "write force = [0, -3, 0] (N), or path = [[0, 0, 0], [0, -20, 0]] (mm)");
+            None
+        }
+        (Some(force), None) => {
+            let key = table.key("force");
+            let force = Vector3::from(checks.triple(&key, force, "newtons"));
+            if force == Vector3::zeros() {
+                let found = "the force is [0, 0, 0] N".to_owned();
+                checks.problem(&key, Problem::Degenerate { found, expected: "a force that acts".into() });
+            }
+            let ramp = pull.ramp.map_or(0.0, |ramp| checks.not_negative(&table.key("ramp"), ramp, "s"));
+            Some(Action::Force { region: region?, force, ramp })
+        }
+        (None, Some(path)) => {
+            if pull.ramp.is_some() {
+                let next = "a ramp belongs to a force; a grab starts and ends where its path says".to_owned();
+                let problem = Problem::Conflict { first: "ramp".into(), second: "path".into(), next };
+                checks.problem(&table.key("ramp"), problem);
+            }
+            let key = table.key("path");
+            let path = polyline(checks, &key, path, "the path of a grab")?;
+            if path[0] != Vector3::zeros() {
+                let found = format!("[{}, {}, {}] mm", number(path[0].x), number(path[0].y), number(path[0].z));
+                let expected = "[0, 0, 0] first: displacements count from where the region was grabbed";
+                checks.out_of_range(&key.index(0), found, expected);
+            }
+            Some(Action::Grab { region: region?, path, arrive })
+        }
+    }
+}
+
+fn check_names(checks: &mut Checks<'_>, entries: &[Entry]) {
+    for (index, Entry { table, operation }) in entries.iter().enumerate() {
+        if operation.name.trim().is_empty() {
+            checks.out_of_range(&table.key("name"), "an empty name", "a name, or no `name` at all");
+        }
+        if let Some(first) = entries[..index].iter().find(|earlier| earlier.operation.name == operation.name) {
+            let first = first.table.to_string();
+            let problem = Problem::DuplicateName { kind: "operation", name: operation.name.clone(), first };
+            checks.problem(&table.key("name"), problem);
+        }
+    }
+}
+
+/// Lets every `[[release]]` end its operation.
+fn release(checks: &mut Checks<'_>, file: &SceneFile, entries: &mut [Entry]) {
+    for (index, release) in file.release.iter().enumerate() {
+        let table = KeyPath::top("release").index(index);
+        let earlier = file.release[..index].iter().position(|earlier| earlier.of == release.of);
+        if let Some(earlier) = earlier {
+            let first = KeyPath::top("release").index(earlier).to_string();
+            let next = format!("\"{}\" can be released once", release.of);
+            checks.problem(&table.key("of"), Problem::Conflict { first, second: table.to_string(), next });
+            continue;
+        }
+        let held = |entry: &&mut Entry| !matches!(entry.operation.action, Action::Cut { .. });
+        let Some(target) = entries.iter_mut().filter(held).find(|entry| entry.operation.name == release.of) else {
+            unknown_target(checks, &table.key("of"), file, &release.of);
+            continue;
+        };
+        let (at, key, operation) = (release.at, table.key("at"), &mut target.operation);
+        if !at.is_finite() {
+            checks.out_of_range(&key, number(at), "a finite time (s)");
+        } else if at <= operation.from {
+            let (found, earlier) = (number(at), number(operation.from));
+            checks.problem(&key, Problem::NotAfter { found, earlier_name: "the beginning of what it ends", earlier });
+        } else if at >= operation.until {
+            let expected =
+                format!("a time before {} s, when \"{}\" ends by itself", number(operation.until), release.of);
+            checks.out_of_range(&key, format!("{} s", number(at)), expected);
+        } else {
+            operation.until = at;
+        }
+    }
+}
+
+fn unknown_target(checks: &mut Checks<'_>, key: &KeyPath, file: &SceneFile, found: &str) {
+    let known: Vec<String> = [
+        ("fix", file.fix.iter().map(|fix| &fix.name).collect::<Vec<_>>()),
+        ("pull", file.pull.iter().map(|pull| &pull.name).collect()),
+        ("push", file.push.iter().map(|push| &push.name).collect()),
+    ]
+    .into_iter()
+    .flat_map(|(kind, names)| names.into_iter().enumerate().map(move |(index, own)| name(own, kind, index)))
+    .collect();
+    // A target that exists but is itself at fault has been reported where it stands.
+    if known.iter().all(|name| name != found) {
+        let suggestion = nearest_name(found, known.iter().map(String::as_str));
+        checks.problem(
+            key,
+            Problem::UnknownName { kind: "fix, pull or push", found: found.to_owned(), suggestion, known },
+        );
+    }
+}
+
+/// Warns about what the run is too short for. Times equal up to rounding (100 steps of 1 ms and 0.1 s) are equal.
+fn check_against_run(checks: &mut Checks<'_>, entry: &Entry, duration: f64) {
+    let Entry { table, operation: Operation { name, from, until, action } } = entry;
+    let end = duration * (1.0 + 1e-9);
+    let name = format!("\"{name}\"");
+    if *from >= duration {
+        let caution = Caution::NeverHappens { operation: name, from: number(*from), duration: number(duration) };
+        checks.caution(&table.key("from"), caution);
+        return;
+    }
+    let (finished, goal) = match action {
+        Action::Fix { .. } => return,
+        Action::Force { ramp, .. } => (from + ramp, "its full force"),
+        Action::Grab { arrive, .. } => (*arrive, "the end of its path"),
+        Action::Cut { .. } => (*until, ""),
+    };
+    if finished > *until * (1.0 + 1e-9) {
+        let caution = Caution::EndsEarly { operation: name, until: number(*until), goal, at: number(finished) };
+        checks.caution(table, caution);
+    } else if finished > end {
+        let caution = Caution::NeverFinished { operation: name, to: number(finished), duration: number(duration) };
+        checks.caution(&table.key("to"), caution);
+    }
+}

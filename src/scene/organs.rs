@@ -1,0 +1,295 @@
+//! Organs: which voxels each takes, what it is made of, and its colour.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::checks::Checks;
+use super::color;
+use super::diagnostics::KeyPath;
+use super::problem::{Caution, Problem, nearest_name, number};
+use super::resolve::LabelLookup;
+use super::resolved::{Body, Model, Organ, VoxelSelection};
+use super::schema::{self, SceneFile};
+use super::values::{Label, LabelList, Pair};
+use crate::lattice::FRINGE;
+
+const DEFAULT_DAMPING_RATIO: f64 = 0.1;
+/// Most organs of a scene: a particle keeps its organ in a byte, whose last value marks the fringe.
+const MAX_ORGANS: usize = FRINGE as usize;
+const PAPER_KEYS: &str = "stiffness (N/m), damping (N s/m) and mass (kg)";
+const TISSUE_KEYS: &str = "youngs_modulus (Pa), density (kg/m3) and damping_ratio";
+
+/// Checks and resolves every organ; `None` when a problem was found.
+pub(super) fn organs(
+    checks: &mut Checks<'_>,
+    file: &SceneFile,
+    model: Model,
+    folder: &Path,
+    label_names: &dyn LabelLookup,
+) -> Option<Vec<Organ>> {
+    let list = KeyPath::top("organ");
+    if file.organ.is_empty() || file.organ.len() > MAX_ORGANS {
+        checks.out_of_range(&list, format!("{} organs", file.organ.len()), format!("1 to {MAX_ORGANS}"));
+        return None;
+    }
+    check_names(checks, &file.organ);
+    let labels = labels(checks, file, folder, label_names);
+    check_hu_overlaps(checks, &file.organ);
+    let mut resolved = Vec::new();
+    for (index, (organ, labels)) in file.organ.iter().zip(labels).enumerate() {
+        let table = list.index(index);
+        let body = body(checks, &table, organ, model);
+        let voxels = voxels(checks, &table, organ, labels, file);
+        let color = match &organ.color {
+            None => Some(color::default_for(&organ.name, index)),
+            Some(text) => {
+                let color = color::parse(text);
+                if color.is_none() {
+                    let expected = "an sRGB colour of six hexadecimal digits, such as \"#8c3b2e\"";
+                    checks.out_of_range(&table.key("color"), format!("\"{text}\""), expected);
+                }
+                color
+            }
+        };
+        if let (Some(body), Some(voxels), Some(color)) = (body, voxels, color) {
+            resolved.push(Organ { name: organ.name.clone(), voxels, body, color });
+        }
+    }
+    (resolved.len() == file.organ.len()).then_some(resolved)
+}
+
+fn check_names(checks: &mut Checks<'_>, organs: &[schema::Organ]) {
+    for (index, organ) in organs.iter().enumerate() {
+        let key = KeyPath::top("organ").index(index).key("name");
+        if organ.name.trim().is_empty() {
+            checks.out_of_range(&key, "an empty name", "a name such as \"liver\"");
+        } else if let Some(first) = organs[..index].iter().position(|earlier| earlier.name == organ.name) {
+            let first = KeyPath::top("organ").index(first).to_string();
+            checks.problem(&key, Problem::DuplicateName { kind: "organ", name: organ.name.clone(), first });
+        }
+    }
+}
+
+/// The labels of each organ as numbers, ascending; `None` for organs without `label`.
+fn labels(
+    checks: &mut Checks<'_>,
+    file: &SceneFile,
+    folder: &Path,
+    label_names: &dyn LabelLookup,
+) -> Vec<Option<Vec<u16>>> {
+    let by_name = file.organ.iter().any(|organ| written_labels(organ).iter().any(|l| matches!(l, Label::Name(_))));
+    let names = if by_name { names(checks, file, folder, label_names) } else { BTreeMap::new() };
+    let mut taken: BTreeMap<u16, KeyPath> = BTreeMap::new();
+    let mut resolved = Vec::new();
+    for (index, organ) in file.organ.iter().enumerate() {
+        let key = KeyPath::top("organ").index(index).key("label");
+        let Some(list) = &organ.label else {
+            resolved.push(None);
+            continue;
+        };
+        let mut ids = Vec::new();
+        for (position, label) in written_labels(organ).iter().enumerate() {
+            let key = if matches!(list, LabelList::Many(_)) { key.index(position) } else { key.clone() };
+            let id = match label {
+                Label::Id(id) => *id,
+                Label::Name(name) => match id_of(&names, name) {
+                    Some(id) => id,
+                    None => {
+                        // Without any names the missing file has already been reported.
+                        if !names.is_empty() {
+                            unknown_label(checks, &key, name, &names);
+                        }
+                        continue;
+                    }
+                },
+            };
+            let shown = match label {
+                Label::Id(id) => id.to_string(),
+                Label::Name(name) => format!("{id} (\"{name}\")"),
+            };
+            if id == 0 {
+                checks.out_of_range(&key, shown, "a label from 1 to 65535; 0 is background");
+            } else if let Some(first) = taken.get(&id) {
+                let first = first.to_string();
+                checks.problem(&key, Problem::DuplicateLabel { label: shown, first });
+            } else {
+                taken.insert(id, key);
+                ids.push(id);
+            }
+        }
+        if matches!(list, LabelList::Many(list) if list.is_empty()) {
+            checks.out_of_range(&key, "an empty list", "at least one label");
+        }
+        ids.sort_unstable();
+        resolved.push(Some(ids));
+    }
+    resolved
+}
+
+fn written_labels(organ: &schema::Organ) -> &[Label] {
+    match &organ.label {
+        None => &[],
+        Some(LabelList::One(label)) => std::slice::from_ref(label),
+        Some(LabelList::Many(list)) => list,
+    }
+}
+
+/// Reads the label names the scene refers to; empty after a problem.
+fn names(
+    checks: &mut Checks<'_>,
+    file: &SceneFile,
+    folder: &Path,
+    label_names: &dyn LabelLookup,
+) -> BTreeMap<String, u16> {
+    if let Some(kind) = file.volume.phantom {
+        return label_names.of_phantom(kind);
+    }
+    let table = KeyPath::top("volume");
+    let Some(path) = &file.volume.label_names else {
+        let next = "labels are given by name, so say where the names are, such as label_names = \"labels.tsv\" (lines \
+                    of id <tab> name), or give labels by number";
+        checks.missing(&table, "label_names", next);
+        return BTreeMap::new();
+    };
+    let message = match label_names.in_file(&folder.join(path)) {
+        Ok(names) if names.is_empty() => format!("{} has no names in it", path.display()),
+        Ok(names) => return names,
+        Err(error) => error.to_string(),
+    };
+    checks.problem(&table.key("label_names"), Problem::LabelNames { message });
+    BTreeMap::new()
+}
+
+/// The label of a name as written, else of the same name in other letter case.
+fn id_of(names: &BTreeMap<String, u16>, name: &str) -> Option<u16> {
+    let in_other_case = || names.iter().find(|(known, _)| known.to_lowercase() == name.to_lowercase());
+    names.get(name).copied().or_else(|| in_other_case().map(|(_, &id)| id))
+}
+
+fn unknown_label(checks: &mut Checks<'_>, key: &KeyPath, name: &str, names: &BTreeMap<String, u16>) {
+    let suggestion = nearest_name(name, names.keys().map(String::as_str));
+    let known = names.keys().cloned().collect();
+    checks.problem(key, Problem::UnknownName { kind: "label", found: name.to_owned(), suggestion, known });
+}
+
+fn voxels(
+    checks: &mut Checks<'_>,
+    table: &KeyPath,
+    organ: &schema::Organ,
+    labels: Option<Vec<u16>>,
+    file: &SceneFile,
+) -> Option<VoxelSelection> {
+    // A volume with nothing at all has been reported as such.
+    let volume = &file.volume;
+    match (labels, organ.hu) {
+        (Some(_), Some(_)) => {
+            let next = "choose the organ's voxels by one of the two".to_owned();
+            checks.problem(&table.key("hu"), Problem::Conflict { first: "label".into(), second: "hu".into(), next });
+            None
+        }
+        (None, None) => {
+            checks.missing(table, "label", "choose voxels by label = 5, label = \"liver\" or hu = [0, 120] (HU)");
+            None
+        }
+        (Some(ids), None) => {
+            if volume.labels.is_none() && volume.phantom.is_none() && volume.image.is_some() {
+                let next =
+                    "an organ is chosen by label, so add the label map: labels = \"segmentation.nii.gz\"".to_owned();
+                checks.problem(&table.key("label"), Problem::Missing { key: "volume.labels".into(), next });
+            }
+            Some(VoxelSelection::Labels(ids))
+        }
+        (None, Some(Pair([min, max]))) => {
+            let key = table.key("hu");
+            if volume.image.is_none() && volume.phantom.is_none() && volume.labels.is_some() {
+                let next = "an organ is chosen by HU, so add the CT: image = \"ct.nii.gz\"".to_owned();
+                checks.problem(&key, Problem::Missing { key: "volume.image".into(), next });
+            }
+            // Also refuses NaN, and what would be infinite in the 32 bits of a CT number.
+            if !(min <= max && (min as f32).is_finite() && (max as f32).is_finite()) {
+                let found = format!("[{}, {}]", number(min), number(max));
+                checks.out_of_range(&key, found, "two finite numbers of HU, the smaller first");
+            }
+            Some(VoxelSelection::Hu { min: min as f32, max: max as f32 })
+        }
+    }
+}
+
+fn check_hu_overlaps(checks: &mut Checks<'_>, organs: &[schema::Organ]) {
+    for (index, organ) in organs.iter().enumerate() {
+        let Some(Pair([min, max])) = organ.hu else { continue };
+        let overlaps = |earlier: &schema::Organ| earlier.hu.is_some_and(|Pair([low, high])| low <= max && min <= high);
+        if let Some(first) = organs[..index].iter().find(|earlier| overlaps(earlier)) {
+            let first = format!("organ \"{}\"", first.name);
+            let caution = Caution::OverlappingHu { min: number(min), max: number(max), first };
+            checks.caution(&KeyPath::top("organ").index(index).key("hu"), caution);
+        }
+    }
+}
+
+fn body(checks: &mut Checks<'_>, table: &KeyPath, organ: &schema::Organ, model: Model) -> Option<Body> {
+    let paper = [("stiffness", organ.stiffness), ("damping", organ.damping), ("mass", organ.mass)];
+    let tissue =
+        [("youngs_modulus", organ.youngs_modulus), ("density", organ.density), ("damping_ratio", organ.damping_ratio)];
+    if organ.rigid {
+        let written = paper.into_iter().chain(tissue).filter(|(_, value)| value.is_some());
+        for (key, _) in written {
+            let next = "a rigid organ does not deform and has no material; keep one of the two".to_owned();
+            checks.problem(&table.key(key), Problem::Conflict { first: "rigid".into(), second: key.into(), next });
+        }
+        return Some(Body::Rigid);
+    }
+    let (foreign, belongs_to, model_name, takes) = match model {
+        Model::Tissue => (paper, "paper", "tissue", TISSUE_KEYS),
+        Model::Paper => (tissue, "tissue", "paper", PAPER_KEYS),
+    };
+    for (key, value) in foreign {
+        if value.is_some() {
+            checks.problem(&table.key(key), Problem::OtherModel { key, belongs_to, model: model_name, takes });
+        }
+    }
+    let mut needed = |key: &str, value: Option<f64>, example: &str| {
+        if value.is_none() {
+            checks.missing(table, key, format!("model \"{model_name}\" takes {takes}; write {key} = {example}"));
+        }
+        value
+    };
+    match model {
+        Model::Tissue => {
+            let youngs_modulus = needed("youngs_modulus", organ.youngs_modulus, "5e3 (Pa)");
+            let density = needed("density", organ.density, "1060 (kg/m3)");
+            let (youngs_modulus, density) = (youngs_modulus?, density?);
+            checks.above_zero(&table.key("youngs_modulus"), youngs_modulus, "Pa");
+            checks.above_zero(&table.key("density"), density, "kg/m3");
+            let damping_ratio = organ.damping_ratio.unwrap_or(DEFAULT_DAMPING_RATIO);
+            checks.not_negative(&table.key("damping_ratio"), damping_ratio, "");
+            check_usual(checks, table, youngs_modulus, density);
+            Some(Body::Tissue { youngs_modulus, density, damping_ratio })
+        }
+        Model::Paper => {
+            let stiffness = needed("stiffness", organ.stiffness, "10 (N/m)");
+            let damping = needed("damping", organ.damping, "0.01 (N s/m)");
+            let mass = needed("mass", organ.mass, "3e-5 (kg)");
+            let (stiffness, damping, mass) = (stiffness?, damping?, mass?);
+            checks.above_zero(&table.key("stiffness"), stiffness, "N/m");
+            checks.not_negative(&table.key("damping"), damping, "N s/m");
+            checks.above_zero(&table.key("mass"), mass, "kg");
+            Some(Body::Paper { stiffness, damping, mass })
+        }
+    }
+}
+
+/// Warns where a number looks like kPa or g/cm3. Softest tissue (fat, brain): some hundred Pa; cortical bone: 2e10 Pa,
+/// 1900 kg/m3; inflated lung: 200 kg/m3; metal implants reach 1.1e11 Pa (titanium) and 8000 kg/m3 (steel).
+fn check_usual(checks: &mut Checks<'_>, table: &KeyPath, youngs_modulus: f64, density: f64) {
+    if youngs_modulus > 0.0 && !(50.0..=5e11).contains(&youngs_modulus) {
+        let (usual, hint) = ("50 to 5e11", "1 kPa is 1e3 Pa");
+        let caution = Caution::UnusualValue { found: number(youngs_modulus), unit: "Pa", usual, hint };
+        checks.caution(&table.key("youngs_modulus"), caution);
+    }
+    if density > 0.0 && !(50.0..=25_000.0).contains(&density) {
+        let (usual, hint) = ("50 to 25000", "1 g/cm3 is 1000 kg/m3");
+        let caution = Caution::UnusualValue { found: number(density), unit: "kg/m3", usual, hint };
+        checks.caution(&table.key("density"), caution);
+    }
+}

@@ -1,0 +1,312 @@
+//! The scene as it is written in TOML: plain structs, one per table, nothing checked beyond types and key names.
+//!
+//! The doc comments of the keys are for users: they become the descriptions of the JSON schema, so each gives the
+//! unit, the default and an example. What may be combined with what is checked in [`super::resolve`].
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::resolved::{Model, PhantomKind};
+use super::values::{LabelList, Pair, Triple, some_table, table, tables};
+
+/// A scene of yawara: which organs, which material, what is done to them, and when.
+///
+/// Lengths are millimetres in patient space, RAS+: x grows to the patient's right, y to the front, z to the head.
+/// Everything else is SI: seconds, newtons, pascals, kilograms.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "yawara scene")]
+pub(super) struct SceneFile {
+    /// Where the voxels come from: files, or a phantom made by the program.
+    #[serde(deserialize_with = "table")]
+    pub(super) volume: Volume,
+    /// How particles are laid over the voxels. Default: model "tissue" at the volume's own spacing.
+    #[serde(default, deserialize_with = "table")]
+    pub(super) lattice: Lattice,
+    /// The organs to simulate, at least one, each in its own `[[organ]]` table. A voxel belongs to the first organ that
+    /// selects it; voxels that no organ selects are left out.
+    #[serde(deserialize_with = "tables")]
+    #[schemars(length(min = 1))]
+    pub(super) organ: Vec<Organ>,
+    /// How long to simulate, how many frames to write, and with which step.
+    #[serde(deserialize_with = "table")]
+    pub(super) time: Time,
+    /// Gravity. Default: none, for a CT shows organs that already hang in it.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) gravity: Option<Gravity>,
+    /// Regions held where they are, each in its own `[[fix]]` table. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) fix: Vec<Fix>,
+    /// Sweeps of a blade, each in its own `[[cut]]` table. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) cut: Vec<Cut>,
+    /// Regions pulled by a force or grabbed and moved, each in its own `[[pull]]` table. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) pull: Vec<Pull>,
+    /// The same as `pull` under the other word: the direction is that of `force` or `path`. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) push: Vec<Pull>,
+    /// Ends of a fix, pull or push before the run ends, each in its own `[[release]]` table. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) release: Vec<Release>,
+}
+
+/// Where the voxels come from: files (`image`, `labels` or both), or a `phantom`.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Volume {
+    /// CT image [HU]; a path relative to the scene file. May be left out when `labels` is given: surfaces are then
+    /// smoother than voxels but know no gray values. Example: `image = "ct.nii.gz"`.
+    pub(super) image: Option<PathBuf>,
+    /// Label map on the grid of the image, 0 for background; a path relative to the scene file. May be left out when
+    /// every organ is chosen by `hu`. Example: `labels = "segmentation.nii.gz"`.
+    pub(super) labels: Option<PathBuf>,
+    /// Text file with one `id <tab> name` per line, so that organs can say `label = "liver"`; a path relative to the
+    /// scene file. A phantom needs none: its labels have names. Default: none. Example: `label_names = "labels.tsv"`.
+    pub(super) label_names: Option<PathBuf>,
+    /// Instead of files, a volume made by the program: "abdomen" (liver with vessels, kidney, spine, ribs, fat, skin),
+    /// "cube" or "beam". Example: `phantom = "abdomen"`.
+    pub(super) phantom: Option<PhantomKind>,
+    /// Voxel spacing of the phantom [mm], from 0.1 to 100. Default: 3. Example: `spacing = 4.0`.
+    #[schemars(extend("minimum" = 0.1, "maximum" = 100))]
+    pub(super) spacing: Option<f64>,
+    /// Seed of the phantom's noise and texture; the same seed gives the same voxels. Default: 1. Example: `seed = 7`.
+    pub(super) seed: Option<u64>,
+}
+
+/// How particles are laid over the voxels.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Lattice {
+    /// Which law joins the particles. "tissue": springs sized for a Young's modulus and a density. "paper": equal
+    /// springs, dampers and masses, as Hattori and Kaneko describe. Default: "tissue". Example: `model = "paper"`.
+    pub(super) model: Option<Model>,
+    /// Distance of neighbouring particles [mm], from 0.01 to 100. Default: the volume's own spacing.
+    /// Example: `pitch = 3.0`.
+    #[schemars(extend("minimum" = 0.01, "maximum" = 100))]
+    pub(super) pitch: Option<f64>,
+}
+
+/// One organ: which voxels, and what it is made of.
+///
+/// Model "tissue" takes `youngs_modulus`, `density` and `damping_ratio`; model "paper" takes `stiffness`, `damping` and
+/// `mass`; an organ with `rigid = true` takes none of them.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Organ {
+    /// Name of the organ, unique in the scene; regions and files refer to it. Example: `name = "liver"`.
+    pub(super) name: String,
+    /// Voxels with this label: a number from 1 to 65535, a name, or a list of them. A label belongs to one organ only.
+    /// Either `label` or `hu` is needed. Example: `label = 5`, `label = "liver"` or `label = ["rib_left_7", 65]`.
+    pub(super) label: Option<LabelList>,
+    /// Voxels whose CT number lies between these two, borders included [HU]. Either `label` or `hu` is needed.
+    /// Example: `hu = [0, 120]`.
+    pub(super) hu: Option<Pair>,
+    /// Bone: particles that do not deform and move only when an operation moves them. Default: false.
+    /// Example: `rigid = true`.
+    #[serde(default)]
+    pub(super) rigid: bool,
+    /// Young's modulus [Pa], above 0; model "tissue" only, no default. Liver is about 5 kPa.
+    /// Example: `youngs_modulus = 5e3`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) youngs_modulus: Option<f64>,
+    /// Density [kg/m^3], above 0; model "tissue" only, no default. Example: `density = 1060`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) density: Option<f64>,
+    /// Damping relative to critical at the lattice's own frequency, sqrt(youngs_modulus / density) / pitch; 0 or more,
+    /// model "tissue" only. Default: 0.1. Example: `damping_ratio = 0.2`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) damping_ratio: Option<f64>,
+    /// Spring constant [N/m], above 0; model "paper" only, no default. Example: `stiffness = 10`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) stiffness: Option<f64>,
+    /// Dashpot constant of a spring [N s/m], 0 or more; model "paper" only, no default. The damper of the paper belongs
+    /// to one time step and is this divided by it. Example: `damping = 0.01`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) damping: Option<f64>,
+    /// Mass of one particle [kg], above 0; model "paper" only, no default. Example: `mass = 3e-5`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) mass: Option<f64>,
+    /// Colour of surfaces, sRGB as `#rrggbb`. Default: a colour that goes with the name (liver, kidney, bone, ...) or
+    /// else with the place in the list. Example: `color = "#8c3b2e"`.
+    #[schemars(regex(pattern = "^#[0-9a-fA-F]{6}$"))]
+    pub(super) color: Option<String>,
+}
+
+/// How long, how many frames, which step.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Time {
+    /// Simulated time [s], above 0. Needed unless `steps` is given. Example: `duration = 0.4`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) duration: Option<f64>,
+    /// Number of time steps, instead of `duration`; needs `dt`. Example: `steps = 100`.
+    #[schemars(extend("minimum" = 1))]
+    pub(super) steps: Option<u64>,
+    /// Frames to write after the first, which shows rest; evenly spaced in time, from 1 to 100000, and not more than
+    /// there are steps. Default: 30, or one per step where that is less. Example: `frames = 40`.
+    #[schemars(extend("minimum" = 1, "maximum" = 100_000))]
+    pub(super) frames: Option<u64>,
+    /// Time step [s], above 0. Default: chosen by the program so that the run is stable. Example: `dt = 1e-4`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) dt: Option<f64>,
+}
+
+/// Gravity.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Gravity {
+    /// Acceleration of every particle that is free to move, RAS+ [m/s^2]. On the back, as in most CT scans, down is -y.
+    /// Example: `acceleration = [0, -9.81, 0]`.
+    pub(super) acceleration: Triple,
+}
+
+/// A region held where it is.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Fix {
+    /// Name for messages and for `[[release]]`. Default: "fix 1", "fix 2", ... Example: `name = "ligament"`.
+    pub(super) name: Option<String>,
+    /// Which particles. Example: `region = { half_space = { point = [0, 0, 40], normal = [0, 0, 1] } }`.
+    pub(super) region: Region,
+    /// Begins [s], 0 or more. Default: 0. Example: `from = 0.1`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) from: Option<f64>,
+    /// Ends [s], after `from`. Default: the end of the run. Example: `to = 0.3`.
+    pub(super) to: Option<f64>,
+}
+
+/// A sweep of a blade: every spring the edge goes through is severed.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Cut {
+    /// Name for messages. Default: "cut 1", "cut 2", ... Example: `name = "incision"`.
+    pub(super) name: Option<String>,
+    /// The edge of the blade: at least two points joined by straight lines [mm].
+    /// Example: `blade = [[-60, 0, 0], [60, 0, 0]]`.
+    #[schemars(length(min = 2))]
+    pub(super) blade: Vec<Triple>,
+    /// How the edge moves: at least two offsets [mm] added to every point of `blade`, straight between and at constant
+    /// speed. `[[0, 80, 0], [0, 0, 0]]` starts 80 mm in front of where the blade is drawn and ends where it is drawn.
+    /// Example: `path = [[0, 80, 0], [0, 0, 0]]`.
+    #[schemars(length(min = 2))]
+    pub(super) path: Vec<Triple>,
+    /// When the edge leaves the first place of its path [s], 0 or more. Default: 0. Example: `from = 0.05`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) from: Option<f64>,
+    /// When the edge reaches the end of its path [s], after `from`. Example: `to = 0.15`.
+    pub(super) to: f64,
+}
+
+/// A region pulled or pushed: by a `force`, or grabbed and moved along a `path`.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pull {
+    /// Name for messages and for `[[release]]`. Default: "pull 1", "push 1", ... Example: `name = "clamp"`.
+    pub(super) name: Option<String>,
+    /// Which particles. Example: `region = { sphere = { center = [10, -40, 0], radius = 12 } }`.
+    pub(super) region: Region,
+    /// Total force on the region, RAS+ [N], shared in proportion to mass. Either `force` or `path` is needed.
+    /// Example: `force = [0, -3, 0]`.
+    pub(super) force: Option<Triple>,
+    /// Time over which the force grows from zero [s], 0 or more; with `force` only. Default: 0. Example: `ramp = 0.02`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) ramp: Option<f64>,
+    /// Grabs the region and moves it: displacements from where it was grabbed [mm], the first one zero, straight
+    /// between and at constant speed. Held at the last one until the run ends or a `[[release]]` says so. Either
+    /// `force` or `path` is needed. Example: `path = [[0, 0, 0], [0, -20, 0]]`.
+    #[schemars(length(min = 2))]
+    pub(super) path: Option<Vec<Triple>>,
+    /// Begins [s], 0 or more. Default: 0. Example: `from = 0.15`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) from: Option<f64>,
+    /// With `force`: when it ends; with `path`: when the end of the path is reached [s]; after `from`. Default: the end
+    /// of the run. Example: `to = 0.4`.
+    pub(super) to: Option<f64>,
+}
+
+/// Ends a fix, pull or push.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Release {
+    /// Name of the fix, pull or push that ends. Example: `of = "clamp"`.
+    pub(super) of: String,
+    /// When [s], after it began. Example: `at = 0.3`.
+    pub(super) at: f64,
+}
+
+/// A set of particles: exactly one of these keys. Places are those at rest; borders count as inside.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum Region {
+    /// Particles at most `radius` from `center`. Example: `{ sphere = { center = [10, -40, 0], radius = 12 } }`.
+    #[serde(deserialize_with = "table")]
+    Sphere(Sphere),
+    /// Particles in a box along the axes. Example: `{ box = { min = [-10, -10, -10], max = [10, 10, 10] } }`.
+    #[serde(deserialize_with = "table")]
+    Box(Corners),
+    /// Particles on the side of a plane that its normal points to.
+    /// Example: `{ half_space = { point = [0, 0, 40], normal = [0, 0, 1] } }`.
+    #[serde(deserialize_with = "table")]
+    HalfSpace(HalfSpace),
+    /// Particles of one organ, by its name in this scene. Example: `{ organ = "liver" }`.
+    Organ(String),
+    /// The particles nearest to a point. Example: `{ nearest = { point = [10, -40, 0], count = 20 } }`.
+    #[serde(deserialize_with = "table")]
+    Nearest(Nearest),
+    /// Particles in every one of these regions. Example: `{ all = [{ organ = "liver" }, { sphere = ... }] }`.
+    All(Vec<Region>),
+    /// Particles in at least one of these regions. Example: `{ any = [{ organ = "rib" }, { organ = "spine" }] }`.
+    Any(Vec<Region>),
+    /// Particles outside this region. Example: `{ not = { organ = "liver" } }`.
+    Not(Box<Region>),
+}
+
+/// A sphere.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sphere {
+    /// Centre, RAS+ [mm]. Example: `center = [10, -40, 0]`.
+    pub(super) center: Triple,
+    /// Radius [mm], above 0. Example: `radius = 12`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) radius: f64,
+}
+
+/// A box along the axes.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Corners {
+    /// Corner with the smallest coordinates, RAS+ [mm]. Example: `min = [-10, -10, -10]`.
+    pub(super) min: Triple,
+    /// Corner with the largest coordinates, RAS+ [mm]. Example: `max = [10, 10, 10]`.
+    pub(super) max: Triple,
+}
+
+/// One side of a plane.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HalfSpace {
+    /// Any point of the plane, RAS+ [mm]. Example: `point = [0, 0, 40]`.
+    pub(super) point: Triple,
+    /// Direction into the region; its length does not matter. Example: `normal = [0, 0, 1]`.
+    pub(super) normal: Triple,
+}
+
+/// The particles nearest to a point.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Nearest {
+    /// The point, RAS+ [mm]. Example: `point = [10, -40, 0]`.
+    pub(super) point: Triple,
+    /// How many particles, 1 or more. Default: 1. Example: `count = 20`.
+    #[serde(default = "one")]
+    #[schemars(extend("minimum" = 1))]
+    pub(super) count: u64,
+}
+
+fn one() -> u64 {
+    1
+}
