@@ -3,11 +3,10 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-
 use crate::io::nifti::{ReadVolumeError, read_ct, read_labels};
 use crate::phantom::{self, PhantomError};
 use crate::scene::resolved::VolumeSource;
+use crate::store::InputFile;
 use crate::volume::{CtVolume, GridMismatch, LabelVolume, check_same_grid};
 
 /// What a scene is simulated from. At least one of the two volumes is there; if both are, they share a grid.
@@ -21,17 +20,6 @@ pub struct Inputs {
     pub replaced_voxels: u64,
     /// The files that were read.
     pub files: Vec<InputFile>,
-}
-
-/// A file that was read, so that a run can be traced to it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct InputFile {
-    /// Absolute path.
-    pub path: PathBuf,
-    /// Size [bytes].
-    pub bytes: u64,
-    /// SHA-256 of the file, as 64 hexadecimal digits.
-    pub sha256: String,
 }
 
 /// Why the volumes of a scene cannot be used.
@@ -113,29 +101,7 @@ pub fn load(source: &VolumeSource) -> Result<Inputs, InputError> {
 
 fn record(files: &mut Vec<InputFile>, header: &Path, data: &Path) -> Result<(), InputError> {
     for path in if header == data { vec![header] } else { vec![header, data] } {
-        files.push(checksum(path).map_err(|source| InputError::Checksum { path: path.to_owned(), source })?);
+        files.push(InputFile::of(path).map_err(|source| InputError::Checksum { path: path.to_owned(), source })?);
     }
     Ok(())
-}
-
-fn checksum(path: &Path) -> io::Result<InputFile> {
-    let path = std::path::absolute(path)?;
-    let mut file = std::fs::File::open(&path)?;
-    let mut hash = Sha256::new();
-    let bytes = io::copy(&mut file, &mut HashWriter(&mut hash))?;
-    let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(InputFile { path, bytes, sha256 })
-}
-
-struct HashWriter<'a>(&'a mut Sha256);
-
-impl io::Write for HashWriter<'_> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.update(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
 }

@@ -4,9 +4,12 @@
 //! Scene ──► inputs::load ──► prepare::prepare ──► drive::drive ──► observer (frames, events)
 //!            volumes           lattice, dt          steps
 //! ```
-//! [`drive`] hands every frame to an [`drive::Observer`]; the command line's writes them to a run directory. [`meshes`]
-//! goes the other way: from stored frames back to surfaces.
+//! [`drive`] hands every frame to an [`drive::Observer`]; [`record`] is one that keeps them in a run directory. [`meshes`]
+//! goes on from there: from stored frames to surfaces.
 
 pub mod drive;
 pub mod inputs;
+pub mod label_lookup;
+pub mod meshes;
 pub mod prepare;
+pub mod record;

@@ -1,0 +1,163 @@
+//! From stored frames back to surfaces: one closed mesh per organ, carried by the lattice.
+
+use crate::lattice::{Lattice, Topology};
+use crate::scene::resolved::{Scene, VoxelSelection};
+use crate::store::{ReadRunError, RunReader};
+use crate::surface::mesh::OrganMesh;
+use crate::surface::{Surface, SurfaceError, field};
+
+use super::record::HU_ARRAY;
+
+/// Smoothing of label maps before the surface is drawn, in passes of the binomial filter.
+pub const DEFAULT_SMOOTHING: usize = 2;
+/// Contrast over which the border of an organ chosen by HU is drawn [HU].
+const HU_CONTRAST: f32 = 100.0;
+
+/// Why the surfaces of a run cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshRunError {
+    /// The run cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadRunError),
+    /// The scene of the run cannot be understood.
+    #[error("{}: not a resolved scene of this program's version; run the scene again", path.display())]
+    Scene {
+        /// Its `scene.json`.
+        path: std::path::PathBuf,
+        /// Why.
+        source: serde_json::Error,
+    },
+    /// A surface cannot be extracted.
+    #[error("organ `{organ}`: {source}")]
+    Surface {
+        /// The organ.
+        organ: String,
+        /// Why.
+        source: SurfaceError,
+    },
+    /// No organ of this name.
+    #[error("the run has no organ `{found}`; it has {}", expected.join(", "))]
+    UnknownOrgan {
+        /// The name asked for.
+        found: String,
+        /// The names there are.
+        expected: Vec<String>,
+    },
+}
+
+/// Makes the meshes of a run's frames.
+///
+/// Topology is extracted once for every set of severed springs; each further frame only moves the vertices.
+pub struct RunMesher {
+    reader: RunReader,
+    scene: Scene,
+    /// Organs to mesh: index in the scene and values at the lattice points.
+    organs: Vec<(usize, Vec<f32>)>,
+    /// Surfaces for this many severed springs.
+    epoch: Option<(usize, Vec<Surface>)>,
+}
+
+impl RunMesher {
+    /// Prepares the meshes of some organs of a run, or of all when none is named.
+    ///
+    /// - `smoothing`: passes of the binomial filter over the membership of organs chosen by label; 0 keeps the voxels'
+    ///   staircases. Organs chosen by HU are drawn through the values of the CT.
+    ///
+    /// # Errors
+    /// If the run cannot be read or an organ's name is unknown.
+    pub fn new(reader: RunReader, names: &[String], smoothing: usize) -> Result<Self, MeshRunError> {
+        let scene = scene_of(&reader)?;
+        let all = || scene.organs.iter().map(|organ| organ.name.clone()).collect::<Vec<_>>();
+        if let Some(found) = names.iter().find(|name| !all().contains(name)) {
+            return Err(MeshRunError::UnknownOrgan { found: found.clone(), expected: all() });
+        }
+        let lattice = reader.lattice();
+        let hu = scene
+            .organs
+            .iter()
+            .any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }))
+            .then(|| reader.extra(HU_ARRAY))
+            .transpose()?;
+        let organs = (0..scene.organs.len())
+            .filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name))
+            .map(|organ| {
+                let values = match (&scene.organs[organ].voxels, &hu) {
+                    (VoxelSelection::Hu { min, max }, Some(hu)) => {
+                        field::from_hu(lattice, organ as u8, hu.f32s(), [*min, *max], HU_CONTRAST)
+                    }
+                    _ if smoothing == 0 => field::binary(lattice, organ as u8),
+                    _ => field::smoothed(lattice, organ as u8, smoothing),
+                };
+                (organ, values)
+            })
+            .collect();
+        Ok(Self { reader, scene, organs, epoch: None })
+    }
+
+    /// The run.
+    pub fn reader(&self) -> &RunReader {
+        &self.reader
+    }
+
+    /// The scene of the run.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Time [s] and meshes of a frame, one per organ, in the order of the scene.
+    ///
+    /// # Errors
+    /// If the frame cannot be read.
+    pub fn frame(&mut self, number: usize) -> Result<(f64, Vec<OrganMesh>), MeshRunError> {
+        let frame = self.reader.frame(number)?;
+        let severed = frame.topology.severed().len();
+        if self.epoch.as_ref().is_none_or(|(count, _)| *count != severed) {
+            let surfaces = self.extract(&frame.topology)?;
+            self.epoch = Some((severed, surfaces));
+        }
+        let (_, surfaces) = self.epoch.as_ref().expect("extracted above");
+        let meshes = self
+            .organs
+            .iter()
+            .zip(surfaces)
+            .map(|((organ, _), surface)| {
+                let organ = &self.scene.organs[*organ];
+                let mut mesh = surface.carry(self.reader.lattice(), &frame.displacements_mm);
+                mesh.labels = vec![label_of(&organ.voxels); mesh.positions.len()];
+                OrganMesh { name: organ.name.clone(), color: organ.color, mesh }
+            })
+            .collect();
+        Ok((frame.time_s, meshes))
+    }
+
+    fn extract(&self, topology: &Topology) -> Result<Vec<Surface>, MeshRunError> {
+        let lattice: &Lattice = self.reader.lattice();
+        self.organs
+            .iter()
+            .map(|(organ, values)| {
+                Surface::extract(lattice, topology, values).map_err(|source| MeshRunError::Surface {
+                    organ: self.scene.organs[*organ].name.clone(),
+                    source,
+                })
+            })
+            .collect()
+    }
+}
+
+/// The resolved scene that a run was made from.
+///
+/// # Errors
+/// If it is not one that this version understands.
+pub fn scene_of(reader: &RunReader) -> Result<Scene, MeshRunError> {
+    serde_json::from_value(reader.scene_json().clone())
+        .map_err(|source| MeshRunError::Scene { path: reader.path().join("scene.json"), source })
+}
+
+/// The label that stands for an organ's tissue in files: its first, or 1 when it was chosen by HU.
+fn label_of(voxels: &VoxelSelection) -> u16 {
+    match voxels {
+        VoxelSelection::Labels(labels) => labels.first().copied().unwrap_or(1),
+        VoxelSelection::Hu { .. } => 1,
+    }
+}
