@@ -5,5 +5,6 @@ pub mod io;
 pub mod lattice;
 pub mod phantom;
 pub mod scene;
+pub mod store;
 pub mod surface;
 pub mod volume;
