@@ -12,5 +12,6 @@ pub mod plot;
 pub mod run;
 pub mod scene;
 pub mod slice;
+pub mod store;
 pub mod surface;
 pub mod volume;

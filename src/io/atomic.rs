@@ -34,6 +34,15 @@ pub fn write_file<E: From<io::Error>>(
     Ok(())
 }
 
+/// Makes the names in a folder durable: after it returns, a renamed file survives a power cut. Does nothing where folders
+/// cannot be opened (Windows).
+///
+/// # Errors
+/// The operating system's error while opening or syncing the folder.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,7 +9,7 @@ pub mod neighbours;
 pub mod region;
 mod topology;
 
-pub use topology::{SeveredSpring, Topology};
+pub use topology::{ReplayError, SeveredSpring, Topology};
 
 use crate::geometry::{Grid, Point3};
 

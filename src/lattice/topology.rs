@@ -15,6 +15,22 @@ pub struct SeveredSpring {
     pub time: f64,
 }
 
+/// A severed spring that does not fit the lattice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "severed spring {index} (particle {particle}, direction {direction}) is not a living spring of this lattice; \
+     the springs and the lattice come from different runs"
+)]
+#[non_exhaustive]
+pub struct ReplayError {
+    /// Its place in the list.
+    pub index: usize,
+    /// The particle it names.
+    pub particle: u32,
+    /// The direction it names.
+    pub direction: u8,
+}
+
 /// The living springs of a lattice. Only cutting changes it, and only by removing springs.
 #[derive(Debug, Clone)]
 pub struct Topology {
@@ -28,6 +44,22 @@ impl Topology {
     /// All springs of the lattice at rest.
     pub fn new(lattice: &Lattice) -> Self {
         Self { alive: lattice.springs.clone(), severed: Vec::new() }
+    }
+
+    /// The topology after severing these springs in order.
+    ///
+    /// # Errors
+    /// If a spring is not a living spring of the lattice at its turn, or is not named by its forward direction.
+    pub fn replay(lattice: &Lattice, severed: &[SeveredSpring]) -> Result<Self, ReplayError> {
+        let mut topology = Self::new(lattice);
+        for (index, &spring) in severed.iter().enumerate() {
+            let SeveredSpring { particle, direction, .. } = spring;
+            let forward = (neighbours::FIRST_FORWARD..neighbours::NEIGHBOURS).contains(&usize::from(direction));
+            if !forward || particle as usize >= lattice.len() || !topology.sever(lattice, spring) {
+                return Err(ReplayError { index, particle, direction });
+            }
+        }
+        Ok(topology)
     }
 
     /// Living springs of each particle, one bit per direction of [`neighbours::OFFSETS`]. Shape `[particles]`.
