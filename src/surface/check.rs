@@ -372,8 +372,9 @@ impl Measure {
         let shortest = (0..3).fold(0, |best, at| if squares[at] < squares[best] { at } else { best });
         let (one, two) = (sides[(shortest + 1) % 3], sides[(shortest + 2) % 3]);
         let angle = (2.0 * area).atan2(-one.dot(&two));
-        let is_flat = !(2.0 * area > FLAT * longest);
-        Self { area, volume: a.dot(&cross) / 6.0, angle: (!is_flat).then_some(angle) }
+        // False for NaN too: a triangle without finite corners has no area.
+        let has_area = 2.0 * area > FLAT * longest;
+        Self { area, volume: a.dot(&cross) / 6.0, angle: has_area.then_some(angle) }
     }
 }
 

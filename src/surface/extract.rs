@@ -200,10 +200,10 @@ impl Crossings<'_> {
             ijk
         });
         let organ = |particle: u32| self.lattice.organ[particle as usize];
-        for end in 0..2 {
+        for (end, ijk) in ends.into_iter().enumerate() {
             let (particle, t) = (edge.ends[end], signed(edge.lips[end], end == 0));
             embedding.vertices[first + end] = Vertex {
-                rest: self.place(ends[end], &[(axis, t)]),
+                rest: self.place(ijk, &[(axis, t)]),
                 carrier: Carrier::Beyond { particle, gradient: NOT_YET, axis: edge.axis, t },
                 organ: organ(particle),
                 sheet: Sheet::Seam,
@@ -270,11 +270,10 @@ fn add_centres(embedding: &mut Embedding, centres: impl Iterator<Item = u32>, tr
         index.iter().map(|(&vertex, &at)| (vertex, std::mem::take(&mut rings[at as usize]))).collect();
     centres.sort_unstable_by_key(|centre| centre.0);
     for (at, (centre, ring)) in centres.iter().enumerate() {
-        let mut rest = [0.0; 3];
+        let mut rest = [0.0_f64; 3];
         for &vertex in ring {
-            for axis in 0..3 {
-                rest[axis] += embedding.vertices[vertex as usize].rest[axis] / ring.len() as f64;
-            }
+            let place = embedding.vertices[vertex as usize].rest;
+            rest = [0, 1, 2].map(|axis| rest[axis] + place[axis] / ring.len() as f64);
         }
         let first = &embedding.vertices[ring[0] as usize];
         embedding.vertices[*centre as usize] =

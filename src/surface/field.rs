@@ -5,13 +5,20 @@
 
 use rayon::prelude::*;
 
+use super::marching_cubes::surface_in_cells;
+use crate::geometry::GridShape;
 use crate::lattice::{Lattice, NO_PARTICLE};
 
-/// Smallest magnitude of a smoothed or HU field: keeps thin parts from shrinking to threads.
-///
-/// With 0.02 an isolated particle shrinks to 1e-5 of its voxel; with 0.5 every crossing sits half-way and
-/// staircases are back. Found by the volumes and radii in the tests below.
-const FLOOR: f32 = 0.25;
+/// Smallest magnitude of a smoothed or HU field, where +-1 is well inside or outside. At 0.02 crossings crowd at thin parts and
+/// triangles become slivers; at 0.5 every crossing is pinned half-way and staircases are back.
+const FLOOR: f32 = 0.1;
+
+/// Passes of [`smoothed`] that suit binary masks: measured on balls of 4 to 14 particles radius, they leave a roughness of 0.04 to 0.07
+/// pitch of the 0.17 to 0.20 that [`binary`] has.
+pub const SMOOTHING_PASSES: usize = 2;
+
+/// The volume of a smoothed field is brought this close to that of its particles.
+const VOLUME_TOLERANCE: f64 = 1e-4;
 
 /// Membership of an organ: +1 at its particles, -1 elsewhere. Every crossing lies half-way.
 pub fn binary(lattice: &Lattice, organ: u8) -> Vec<f32> {
@@ -25,17 +32,70 @@ pub fn binary(lattice: &Lattice, organ: u8) -> Vec<f32> {
         .collect()
 }
 
-/// Membership smoothed by `passes` of the binomial filter (1 2 1)/4 along each axis: softens staircases.
+/// Membership smoothed by `passes` of the binomial filter (1 2 1)/4 along each axis, see [`SMOOTHING_PASSES`]: softens
+/// staircases and keeps the volume.
 ///
-/// Points beyond the grid count as outside. The sign stays that of [`binary`], with a magnitude of at least 0.25.
+/// What the filter took away is filtered and added back once, which halves the shrinking of curved parts; a small constant then
+/// brings the volume of the uncut surface within 1e-4 of one voxel per particle (not where it is all specks). Points beyond the
+/// grid count as outside. The sign stays that of [`binary`], so thin parts neither vanish nor join.
+///
+/// # Source
+/// Tukey, Exploratory data analysis, 1977 ("twicing").
 pub fn smoothed(lattice: &Lattice, organ: u8, passes: usize) -> Vec<f32> {
     let membership = binary(lattice, organ);
-    let mut field = membership.clone();
-    for _ in 0..passes {
-        field = binomial(lattice, &field);
+    if passes == 0 {
+        return membership;
     }
-    keep_sign(&mut field, &membership);
-    field
+    let smooth = |mut field: Vec<f32>, beyond: f32| {
+        for _ in 0..passes {
+            field = binomial(lattice.grid.shape, &field, beyond);
+        }
+        field
+    };
+    let mut field = smooth(membership.clone(), -1.0);
+    let lost = smooth(membership.iter().zip(&field).map(|(member, value)| member - value).collect(), 0.0);
+    field.par_iter_mut().zip(lost).for_each(|(value, lost)| *value += lost);
+    let voxels = membership.iter().filter(|member| **member > 0.0).count() as f64;
+    let shifted = |shift: f32| {
+        let mut field: Vec<f32> = field.iter().map(|value| value + shift).collect();
+        keep_sign(&mut field, &membership);
+        field
+    };
+    shifted(volume_keeping_shift(|shift| volume_in_cells(lattice.grid.shape, &shifted(shift)) / voxels - 1.0))
+}
+
+/// Zero of an error that grows with the shift, by the Illinois variant of false position.
+fn volume_keeping_shift(error: impl Fn(f32) -> f64) -> f32 {
+    // The contrast between the border and well inside.
+    const RANGE: f32 = 1.0;
+    let (mut low, mut high) = ((-RANGE, error(-RANGE)), (RANGE, error(RANGE)));
+    if !(low.1 < 0.0 && high.1 > 0.0) {
+        // Out of reach: nothing but specks, for which more is better, or nothing at all.
+        return if high.1 <= 0.0 { RANGE } else { 0.0 };
+    }
+    for _ in 0..20 {
+        let share = (low.1 / (low.1 - high.1)) as f32;
+        let at = low.0 + share * (high.0 - low.0);
+        let found = error(at);
+        if found.abs() < VOLUME_TOLERANCE {
+            return at;
+        }
+        if found < 0.0 {
+            low = (at, found);
+            high.1 /= 2.0;
+        } else {
+            high = (at, found);
+            low.1 /= 2.0;
+        }
+    }
+    low.0
+}
+
+/// Volume inside the surface of a field, in cells of its grid; 0 when there is no surface.
+fn volume_in_cells(shape: GridShape, field: &[f32]) -> f64 {
+    let Ok((positions, triangles)) = surface_in_cells(shape, field) else { return 0.0 };
+    let corner = |vertex: u32| nalgebra::Vector3::from(positions[vertex as usize].map(f64::from));
+    triangles.iter().map(|t| corner(t[0]).dot(&corner(t[1]).cross(&corner(t[2])))).sum::<f64>() / 6.0
 }
 
 /// HU (or any other grey value) at the grid points against a range of tissue, within one organ.
@@ -55,35 +115,52 @@ pub fn from_hu(lattice: &Lattice, organ: u8, hu: &[f32], range: [f32; 2], width:
 }
 
 /// Gives every value the sign of the membership and at least the smallest magnitude.
+///
+/// The more a value contradicts the membership, the larger its magnitude: smoothing turns the sign of thin parts (and
+/// gaps), which should keep about their thickness rather than shrink to a thread.
 fn keep_sign(field: &mut [f32], membership: &[f32]) {
+    const REBOUND: f32 = 0.5;
     field.par_iter_mut().zip(membership).for_each(|(value, &member)| {
-        // `max` drops a NaN, which leaves the smallest magnitude.
-        *value = member * (member * *value).max(FLOOR);
+        let along = member * *value;
+        let kept = if along >= FLOOR { along } else { FLOOR + REBOUND * (FLOOR - along.max(-1.0)) };
+        // A comparison with NaN is false, and `max` drops it: an unknown value counts as a strong contradiction.
+        *value = member * kept;
     });
 }
 
-/// One pass of (1 2 1)/4 along x, y and z; outside the grid lies -1.
-fn binomial(lattice: &Lattice, field: &[f32]) -> Vec<f32> {
-    const BEYOND: f32 = -1.0;
-    let shape = lattice.grid.shape;
-    let mut result = field.to_vec();
-    for stride in [1, shape.nx, shape.nx * shape.ny] {
-        let count = match stride {
-            1 => shape.nx,
-            s if s == shape.nx => shape.ny,
-            _ => shape.nz,
-        };
-        let source = result.clone();
-        let per_task = shape.nx * shape.ny;
-        result.par_chunks_mut(per_task.max(1)).enumerate().for_each(|(task, layer)| {
-            for (place, value) in layer.iter_mut().enumerate() {
-                let at = task * per_task + place;
-                let step = at / stride % count;
-                let before = if step > 0 { source[at - stride] } else { BEYOND };
-                let after = if step + 1 < count { source[at + stride] } else { BEYOND };
-                *value = 0.25 * (before + after) + 0.5 * source[at];
-            }
-        });
+/// One pass of (1 2 1)/4 along x, y and z; `beyond` is the value outside the grid.
+fn binomial(shape: GridShape, field: &[f32], beyond: f32) -> Vec<f32> {
+    let GridShape { nx, ny, nz } = shape;
+    let mix = |before: f32, here: f32, after: f32| 0.25 * (before + after) + 0.5 * here;
+    let layer = nx * ny;
+    if layer == 0 {
+        return Vec::new();
     }
+    let mut flat = vec![0.0; field.len()];
+    flat.par_chunks_mut(layer).zip(field.par_chunks(layer)).for_each(|(out, source)| {
+        let mut along_x = vec![0.0; layer];
+        for (out, source) in along_x.chunks_mut(nx).zip(source.chunks(nx)) {
+            for i in 0..nx {
+                let before = if i > 0 { source[i - 1] } else { beyond };
+                out[i] = mix(before, source[i], source.get(i + 1).copied().unwrap_or(beyond));
+            }
+        }
+        for j in 0..ny {
+            for i in 0..nx {
+                let at = j * nx + i;
+                let before = if j > 0 { along_x[at - nx] } else { beyond };
+                out[at] = mix(before, along_x[at], along_x.get(at + nx).copied().unwrap_or(beyond));
+            }
+        }
+    });
+    let mut result = vec![0.0; field.len()];
+    result.par_chunks_mut(layer).enumerate().for_each(|(k, out)| {
+        for (place, out) in out.iter_mut().enumerate() {
+            let at = k * layer + place;
+            let before = if k > 0 { flat[at - layer] } else { beyond };
+            let after = if k + 1 < nz { flat[at + layer] } else { beyond };
+            *out = mix(before, flat[at], after);
+        }
+    });
     result
 }

@@ -71,10 +71,14 @@ impl Neighbourhood {
     /// Sum of weight * (displacement difference) * offset^T over the surviving springs \[mm\].
     fn moment_of(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> Matrix3 {
         let own = displacements[self.particle as usize];
+        let point = i64::from(lattice.points[self.particle as usize]);
+        let shape = lattice.grid.shape;
+        let strides = [1, shape.nx as i64, (shape.nx * shape.ny) as i64];
         let mut sum = [[0.0_f64; 3]; 3];
         for direction in directions(self.alive) {
-            let Some(other) = lattice.neighbour(self.particle, direction) else { continue };
-            let their = displacements[other as usize];
+            // A living spring has both its ends on the grid, so no border needs watching.
+            let step: i64 = (0..3).map(|axis| strides[axis] * i64::from(neighbours::OFFSETS[direction][axis])).sum();
+            let their = displacements[lattice.particle_at[(point + step) as usize] as usize];
             let (offset, weight) = (neighbours::OFFSETS[direction].map(f64::from), weight(direction));
             for row in 0..3 {
                 let difference = weight * (f64::from(their[row]) - f64::from(own[row]));

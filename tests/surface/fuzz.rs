@@ -1,13 +1,12 @@
 //! Random lattices with random severed springs: the surface is closed and manifold, always.
 
 use rayon::prelude::*;
-use yawara::geometry::GridShape;
 use yawara::lattice::Topology;
+use yawara::surface::Surface;
 use yawara::surface::check::{MeshReport, check};
 use yawara::surface::weld::{soup, weld};
-use yawara::surface::{Surface, marching_cubes};
 
-use crate::support::{Random, extract, lattice, lattice_on, report, sever, springs, unit_grid};
+use crate::support::{Random, lattice, sever, springs};
 
 fn assert_sound(report: &MeshReport, what: &str) {
     assert!(report.passes(), "{what}: {report}");

@@ -65,9 +65,9 @@ impl Face {
     /// left out.
     pub(crate) fn components(self) -> [u8; 4] {
         let mut component = [OUTSIDE; 4];
-        for corner in 0..4 {
+        for (corner, own) in component.iter_mut().enumerate() {
             if self.is_inside(corner) {
-                component[corner] = corner as u8;
+                *own = corner as u8;
             }
         }
         let mut join = |one: usize, two: usize| {

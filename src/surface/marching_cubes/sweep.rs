@@ -323,3 +323,62 @@ impl CellRow<'_> {
         out.extend(cell.patch.triangles.iter().map(|t| t.map(id)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::GridShape;
+    use crate::surface::marching_cubes::cell::Cell;
+    use crate::surface::marching_cubes::cube::corner_offset;
+
+    /// Every cell of a field as if it had a dead spring, so that all of them take the general path.
+    fn all_cells_general(bits: &InsideBits) -> Seam {
+        let GridShape { nx, ny, nz } = bits.shape;
+        let mut seam = Seam::none();
+        for k in 0..=nz {
+            for j in 0..=ny {
+                for i in 0..=nx {
+                    let inside = (0..8).fold(0, |inside, corner| {
+                        let [x, y, z] = corner_offset(corner);
+                        inside | u8::from(bits.get([i + x, j + y, k + z])) << corner
+                    });
+                    let low = [i as u32, j as u32, k as u32];
+                    seam.cells.push(SeamCell { low, patch: Cell::intact(inside).patch(), seam_edges: Vec::new() });
+                }
+            }
+        }
+        seam
+    }
+
+    #[test]
+    fn the_table_and_the_general_path_draw_the_same() {
+        let mut state = 1_u32;
+        for nx in [1, 2, 7, 61, 62, 63, 64, 65, 126, 127, 130] {
+            let shape = GridShape::new(nx, 4, 3);
+            let values: Vec<f32> = (0..shape.len())
+                .map(|_| {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+                })
+                .collect();
+            let bits = InsideBits::new(shape, &values, None);
+            let (plain, general) = (Seam::none(), all_cells_general(&bits));
+            let numbering = Numbering::new(&bits, &plain).unwrap();
+            let with_cells = Numbering::new(&bits, &general).unwrap();
+            assert_eq!(numbering.layers, with_cells.layers);
+            let table = triangles(&bits, &plain, &numbering, false).unwrap();
+            assert!(!table.triangles.is_empty());
+            assert_eq!(table, triangles(&bits, &general, &with_cells, false).unwrap(), "{nx}");
+        }
+    }
+
+    #[test]
+    fn crossings_keep_clear_of_grid_points() {
+        for (inside, outside) in [(1.0, Some(-1e-9)), (f32::MIN_POSITIVE, Some(-1.0)), (f32::INFINITY, Some(-1.0))] {
+            let t = crossing_fraction(inside, outside);
+            assert!((CLEARANCE..=1.0 - CLEARANCE).contains(&t), "{inside} {outside:?}: {t}");
+        }
+        assert_eq!(crossing_fraction(1.0, Some(-3.0)), 0.25);
+        assert_eq!([None, Some(f32::NAN), Some(2.0)].map(|outside| crossing_fraction(1.0, outside)), [0.5; 3]);
+    }
+}
