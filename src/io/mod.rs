@@ -1,3 +1,9 @@
 //! Files: one format per module. Nothing here simulates.
 
 pub mod atomic;
+pub mod gltf;
+pub mod mesh_error;
+pub mod mesh_format;
+pub mod ply;
+pub mod png;
+pub mod stl;

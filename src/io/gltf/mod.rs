@@ -1,0 +1,67 @@
+//! glTF 2.0 in its binary form (GLB): what web viewers, Blender and game engines open.
+//!
+//! Patient space, RAS+ [mm], becomes glTF's metres with +Y up and +Z to the viewer by one rotation, so that nothing is
+//! mirrored: head is +Y, front is +Z, left is +X. A patient who faces the viewer stands upright, as in a mirrorless photograph.
+//! Each organ is a mesh with its name and a plain material; labels and displacements [m] travel as the custom attributes
+//! `_LABEL` and `_DISPLACEMENT` when the mesh has them.
+//!
+//! An animation is one mesh per frame and organ, shown by step changes of its node's scale between 0 and 1, which the
+//! standard names as the way to animate visibility (glTF 2.0, section 3.5.2, on zero scale). Morph targets could not follow
+//! a cut, which changes the triangles.
+//!
+//! Not guaranteed: millimetres come back within single precision (relative 2e-7), because metres are stored.
+
+mod animated;
+mod document;
+mod read;
+
+use std::path::Path;
+
+pub use animated::AnimatedGlbWriter;
+pub use read::GlbReader;
+
+use super::mesh_error::WriteMeshError;
+use crate::surface::mesh::OrganMesh;
+
+const FORMAT: &str = "GLB";
+const MAGIC: u32 = u32::from_le_bytes(*b"glTF");
+const VERSION: u32 = 2;
+const CHUNK_JSON: u32 = u32::from_le_bytes(*b"JSON");
+const CHUNK_BIN: u32 = u32::from_le_bytes(*b"BIN\0");
+
+/// Turns a direction from patient axes (right, front, head) to glTF axes (left, head, front).
+fn to_gltf([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [-x, z, y]
+}
+
+/// The inverse of [`to_gltf`], which is its own inverse up to the order of the last two.
+fn from_gltf([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [-x, z, y]
+}
+
+/// Writes organ meshes as one GLB: a node, a mesh and a material for each organ that has triangles.
+///
+/// # Errors
+/// If the meshes are inconsistent, not finite or empty, exceed the 4 GiB a GLB can hold, or the file cannot be written.
+pub fn write_glb(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError> {
+    let mut writer = document::DocumentWriter::create(path)?;
+    let nodes = writer.push_organs(organs, |organ| organ.name.clone())?;
+    writer.finish(nodes, None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Matrix3;
+
+    #[test]
+    fn the_axes_turn_without_mirroring() {
+        let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| to_gltf(axis).into());
+        let turn = Matrix3::from_columns(&columns);
+        assert_eq!(turn.determinant(), 1.0);
+        assert_eq!(to_gltf([0.0, 0.0, 1.0]), [0.0, 1.0, 0.0], "head is up");
+        assert_eq!(to_gltf([0.0, 1.0, 0.0]), [0.0, 0.0, 1.0], "front is toward the viewer");
+        assert_eq!(to_gltf([-1.0, 0.0, 0.0]), [1.0, 0.0, 0.0], "left is +X");
+        assert_eq!(from_gltf(to_gltf([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
+    }
+}
