@@ -3,6 +3,8 @@
 pub mod geometry;
 pub mod io;
 pub mod lattice;
+pub mod plot;
 pub mod scene;
+pub mod slice;
 pub mod surface;
 pub mod volume;
