@@ -20,7 +20,7 @@ use std::path::Path;
 pub use animated::AnimatedGlbWriter;
 pub use read::GlbReader;
 
-use super::mesh_error::WriteMeshError;
+use super::mesh_error::{WriteMeshError, check_organs};
 use crate::surface::mesh::OrganMesh;
 
 const FORMAT: &str = "GLB";
@@ -44,6 +44,7 @@ fn from_gltf([x, y, z]: [f64; 3]) -> [f64; 3] {
 /// # Errors
 /// If the meshes are inconsistent, not finite or empty, exceed the 4 GiB a GLB can hold, or the file cannot be written.
 pub fn write_glb(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError> {
+    check_organs(path, organs)?;
     let mut writer = document::DocumentWriter::create(path)?;
     let nodes = writer.push_organs(organs, |organ| organ.name.clone())?;
     writer.finish(nodes, None)

@@ -1,0 +1,281 @@
+//! One mesh per file: the same numbers come back, the same bytes go out.
+
+use std::fs;
+use std::path::Path;
+
+use yawara::io::mesh_error::WriteMeshError;
+use yawara::io::mesh_format::MeshFormat;
+use yawara::io::{ply, stl};
+use yawara::surface::mesh::{OrganMesh, TriangleMesh};
+
+use crate::{blob, entries, signed_volume};
+
+const FORMATS: [(MeshFormat, &str); 4] = [
+    (MeshFormat::Stl, "m.stl"),
+    (MeshFormat::StlAscii, "a.stl"),
+    (MeshFormat::Ply, "m.ply"),
+    (MeshFormat::Glb, "m.glb"),
+];
+/// Metres in single precision: half a unit in the last place on the way there and back.
+const GLB_RELATIVE: f32 = 2.5e-7;
+
+fn organs() -> Vec<OrganMesh> {
+    let mut kidney = blob("kidney, \"left\"\n\u{e9}", [-80.0, 15.0, 640.0], 5);
+    kidney.color = [0.4, 0.2, 0.9];
+    vec![blob("liver", [60.0, -20.0, 700.0], 9), kidney]
+}
+
+/// The organs as one mesh, in file order.
+fn joined(organs: &[OrganMesh]) -> TriangleMesh {
+    let mut whole = TriangleMesh::default();
+    for OrganMesh { mesh, .. } in organs {
+        let first = whole.positions.len() as u32;
+        whole.triangles.extend(mesh.triangles.iter().map(|t| t.map(|corner| corner + first)));
+        whole.positions.extend(&mesh.positions);
+        whole.normals.extend(&mesh.normals);
+        whole.labels.extend(&mesh.labels);
+        whole.displacements.extend(&mesh.displacements);
+    }
+    whole
+}
+
+/// Corners of each triangle, which is all an STL file holds.
+fn corners(mesh: &TriangleMesh) -> Vec<[[f32; 3]; 3]> {
+    mesh.triangles.iter().map(|t| t.map(|corner| mesh.positions[corner as usize])).collect()
+}
+
+fn write(format: MeshFormat, path: &Path, organs: &[OrganMesh]) {
+    format.write(path, organs).unwrap_or_else(|error| panic!("{error}"));
+}
+
+#[test]
+fn stl_gives_back_every_corner_and_joins_vertices() {
+    let folder = tempfile::tempdir().unwrap();
+    let expected = joined(&organs());
+    for (format, name) in &FORMATS[..2] {
+        let path = folder.path().join(name);
+        write(*format, &path, &organs());
+        let found = stl::read_stl(&path).unwrap();
+        assert_eq!(corners(&found), corners(&expected), "{format}");
+        assert_eq!(found.positions.len(), expected.positions.len(), "{format}: vertices joined");
+    }
+    let bytes = fs::read(folder.path().join("m.stl")).unwrap();
+    assert!(bytes.starts_with(stl::HEADER.as_bytes()));
+    assert_eq!(bytes.len(), 84 + 50 * expected.triangles.len());
+    let text = fs::read_to_string(folder.path().join("a.stl")).unwrap();
+    assert!(text.starts_with("solid yawara, unit mm") && text.contains("RAS+"));
+    assert_eq!(text.matches("\nfacet normal ").count(), expected.triangles.len());
+}
+
+#[test]
+fn stl_facet_normals_point_outward() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.stl");
+    let organ = blob("liver", [0.0; 3], 9);
+    write(MeshFormat::Stl, &path, std::slice::from_ref(&organ));
+    let mut file = fs::File::open(&path).unwrap();
+    let facets: Vec<_> = stl_io::create_stl_reader(&mut file).unwrap().map(Result::unwrap).collect();
+    assert_eq!(facets.len(), organ.mesh.triangles.len());
+    for facet in facets {
+        let outward: f32 = (0..3).map(|axis| facet.normal.0[axis] * facet.vertices[0].0[axis]).sum();
+        assert!(outward > 0.0, "{facet:?}");
+    }
+}
+
+#[test]
+fn stl_of_other_programs_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.stl");
+    // Two solids, no name, tabs and Windows line ends.
+    let solid = "solid\r\nfacet normal 0 0 1\r\n\touter loop\r\n\t\tvertex 0 0 0\r\n\t\tvertex 1 0 0\r\n\t\tvertex 0 1 0\r\n\
+                 \tendloop\r\nendfacet\r\nendsolid\r\n";
+    fs::write(&path, [solid, &solid.replace("vertex 0 0 0", "vertex 0 0 5")].concat()).unwrap();
+    let mesh = stl::read_stl(&path).unwrap();
+    assert_eq!((mesh.triangles.len(), mesh.positions.len()), (2, 4));
+    // A binary file whose header begins like an ASCII one.
+    write(MeshFormat::Stl, &path, &organs());
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[..6].copy_from_slice(b"solid ");
+    fs::write(&path, bytes).unwrap();
+    assert_eq!(corners(&stl::read_stl(&path).unwrap()), corners(&joined(&organs())));
+}
+
+#[test]
+fn ply_gives_back_everything_exactly() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.ply");
+    write(MeshFormat::Ply, &path, &organs());
+    assert_eq!(ply::read_ply(&path).unwrap(), joined(&organs()));
+    let bytes = fs::read(&path).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
+    let header = std::str::from_utf8(&bytes[..end]).unwrap();
+    assert!(header.is_ascii() && header.contains("comment unit mm; patient space RAS+"), "{header}");
+    assert!(header.contains(r#"organ "kidney, \"left\"\n\u{e9}": 42 vertices from 146"#), "{header}");
+    assert!(header.contains("property ushort label") && header.contains("property list uchar int vertex_indices"));
+}
+
+#[test]
+fn ply_leaves_out_what_an_organ_lacks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.ply");
+    let mut organs = organs();
+    organs[1].mesh.labels.clear();
+    organs[0].mesh.normals.clear();
+    write(MeshFormat::Ply, &path, &organs);
+    let found = ply::read_ply(&path).unwrap();
+    assert!(found.labels.is_empty() && found.normals.is_empty());
+    assert_eq!(found.displacements, joined(&organs).displacements);
+}
+
+#[test]
+fn ply_of_other_programs_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.ply");
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\n\
+                property uchar red\nproperty int label\nelement edge 1\nproperty int vertex1\nelement face 1\n\
+                property list uchar uint vertex_index\nend_header\n0 0 0 255 7\n1 0 0 255 8\n0 1.5 0 255 9\n3\n3 0 1 2\n";
+    fs::write(&path, text).unwrap();
+    let mesh = ply::read_ply(&path).unwrap();
+    assert_eq!((mesh.positions[2], mesh.labels, mesh.triangles), ([0.0, 1.5, 0.0], vec![7, 8, 9], vec![[0, 1, 2]]));
+    for (from, to, part) in [
+        ("3 0 1 2", "4 0 1 2 0", "4 corners"),
+        ("3 0 1 2", "3 0 1 9", "vertex 9 of 3"),
+        ("1.5 0 255 9", "1.5 0 255 70000", "label"),
+        ("double z", "double w", "no property 'z'"),
+        ("vertex 3", "vertex 999999999", "row 3 of 999999999"),
+        ("element edge 1\nproperty int vertex1", "element edge 99999999999", "'edge' has no properties"),
+    ] {
+        fs::write(&path, text.replace(from, to)).unwrap();
+        let message = ply::read_ply(&path).unwrap_err().to_string();
+        assert!(message.contains("other.ply") && message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn glb_gives_back_organs_within_single_precision() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.glb");
+    write(MeshFormat::Glb, &path, &organs());
+    let found = MeshFormat::Glb.read(&path).unwrap();
+    assert_eq!(found.len(), 2);
+    for (found, expected) in found.iter().zip(organs()) {
+        assert_eq!((&found.name, found.color), (&expected.name, expected.color));
+        assert_eq!(found.mesh.triangles, expected.mesh.triangles);
+        assert_eq!(found.mesh.labels, expected.mesh.labels);
+        let near = |a: &[[f32; 3]], b: &[[f32; 3]], relative: f32| {
+            let close = |(a, b): (&f32, &f32)| (a - b).abs() <= relative * b.abs();
+            a.len() == b.len() && a.iter().flatten().zip(b.iter().flatten()).all(close)
+        };
+        assert!(near(&found.mesh.positions, &expected.mesh.positions, GLB_RELATIVE));
+        assert!(near(&found.mesh.displacements, &expected.mesh.displacements, GLB_RELATIVE));
+        assert!(near(&found.mesh.normals, &expected.mesh.normals, 1e-6));
+    }
+}
+
+/// The JSON of a GLB, and its binary chunk.
+pub(crate) fn chunks(path: &Path) -> (serde_json::Value, Vec<u8>) {
+    let bytes = fs::read(path).unwrap();
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((word(8), word(12) % 4, bytes.len() % 4), (bytes.len(), 0, 0));
+    let (json, binary) = (20..20 + word(12), 28 + word(12)..);
+    assert_eq!(word(json.end), bytes.len() - binary.start);
+    (serde_json::from_slice(&bytes[json]).unwrap(), bytes[binary].to_vec())
+}
+
+fn floats(bytes: &[u8]) -> Vec<[f32; 3]> {
+    let words: Vec<f32> = bytes.chunks(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
+    words.chunks(3).map(|v| v.try_into().unwrap()).collect()
+}
+
+#[test]
+fn glb_views_are_aligned_bounded_and_face_outward_in_gltf_space() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.glb");
+    write(MeshFormat::Glb, &path, &organs());
+    let (json, binary) = chunks(&path);
+    let number = |value: &serde_json::Value| value.as_u64().unwrap() as usize;
+    assert!(json["buffers"][0]["byteLength"].as_u64().unwrap() <= binary.len() as u64);
+    let view = |accessor: &serde_json::Value| {
+        let view = &json["bufferViews"][number(&accessor["bufferView"])];
+        let (start, length) = (number(&view["byteOffset"]), number(&view["byteLength"]));
+        assert_eq!(start % 4, 0);
+        &binary[start..start + length]
+    };
+    assert_eq!(json["meshes"].as_array().unwrap().len(), 2);
+    for (mesh, organ) in json["meshes"].as_array().unwrap().iter().zip(organs()) {
+        let primitive = &mesh["primitives"][0];
+        let accessor = &json["accessors"][number(&primitive["attributes"]["POSITION"])];
+        let positions = floats(view(accessor));
+        for axis in 0..3 {
+            let all = positions.iter().map(|p| p[axis]);
+            let bound = |name: &str| accessor[name][axis].as_f64().unwrap() as f32;
+            assert_eq!(bound("min"), all.clone().reduce(f32::min).unwrap());
+            assert_eq!(bound("max"), all.reduce(f32::max).unwrap());
+        }
+        let accessor = &json["accessors"][number(&primitive["indices"])];
+        assert_eq!(accessor["componentType"], 5123, "few vertices take 16-bit indices");
+        let shorts = view(accessor).chunks(2).map(|s| u32::from(u16::from_le_bytes(s.try_into().unwrap())));
+        let triangles: Vec<[u32; 3]> = shorts.collect::<Vec<_>>().chunks(3).map(|t| t.try_into().unwrap()).collect();
+        let (there, here) =
+            (signed_volume(&positions, &triangles), signed_volume(&organ.mesh.positions, &organ.mesh.triangles));
+        assert!(here > 0.0 && (there * 1e9 / here - 1.0).abs() < 1e-4, "{there} m3, {here} mm3");
+        // Highest in patient space is highest on screen; the patient's right is at the viewer's left.
+        let extreme = |values: &[[f32; 3]], axis: usize| {
+            (0..values.len()).max_by(|&a, &b| values[a][axis].total_cmp(&values[b][axis]))
+        };
+        assert_eq!(extreme(&positions, 1), extreme(&organ.mesh.positions, 2));
+        assert_eq!(extreme(&positions, 2), extreme(&organ.mesh.positions, 1));
+        let most_right = extreme(&organ.mesh.positions, 0).unwrap();
+        assert!(positions.iter().all(|p| p[0] >= positions[most_right][0]));
+    }
+    assert_eq!(json["scenes"][0]["extras"]["unit"], "metre");
+    let material = &json["materials"][0];
+    assert_eq!(
+        (material["name"].as_str(), material["pbrMetallicRoughness"]["metallicFactor"].as_f64()),
+        (Some("liver"), Some(0.0))
+    );
+    assert_ne!(material["doubleSided"], true);
+}
+
+#[test]
+fn many_vertices_take_long_indices() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.glb");
+    let organ = blob("liver", [0.0; 3], 184);
+    assert!(organ.mesh.positions.len() > 65_535);
+    write(MeshFormat::Glb, &path, std::slice::from_ref(&organ));
+    let (json, _) = chunks(&path);
+    let indices = json["meshes"][0]["primitives"][0]["indices"].as_u64().unwrap() as usize;
+    assert_eq!(json["accessors"][indices]["componentType"], 5125);
+    assert_eq!(MeshFormat::Glb.read(&path).unwrap()[0].mesh.triangles, organ.mesh.triangles);
+}
+
+#[test]
+fn the_same_meshes_give_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    for (format, name) in FORMATS {
+        let path = folder.path().join(name);
+        write(format, &path, &organs());
+        let first = fs::read(&path).unwrap();
+        write(format, &path, &organs());
+        assert_eq!(first, fs::read(&path).unwrap(), "{format}");
+    }
+    assert_eq!(entries(folder.path()), ["a.stl", "m.glb", "m.ply", "m.stl"]);
+}
+
+#[test]
+fn refused_meshes_leave_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bad = organs();
+    bad[1].mesh.positions[3][2] = f32::NAN;
+    let mut empty = organs();
+    empty.iter_mut().for_each(|organ| organ.mesh.triangles.clear());
+    for (format, name) in FORMATS {
+        let path = folder.path().join(name);
+        assert!(matches!(format.write(&path, &bad), Err(WriteMeshError::NotFinite { at: 3, .. })), "{format}");
+        assert!(matches!(format.write(&path, &empty), Err(WriteMeshError::Empty { organs: 2, .. })), "{format}");
+        let message = format.write(folder.path(), &organs()).unwrap_err().to_string();
+        assert!(message.contains("could not write"), "{message}");
+    }
+    assert!(entries(folder.path()).is_empty());
+}
