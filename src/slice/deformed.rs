@@ -5,13 +5,14 @@
 //! left out, and the cut opens as a gap one to two pitches wide at most. Inside a tetrahedron the map is linear, hence
 //! exact for any affine deformation, and of second order in the pitch otherwise.
 //!
+//! The part of a tetrahedron nearest to a fringe particle holds no tissue and is not shown: borders are as rough as the lattice.
 //! Where tissue overlaps itself (two lips pushed into each other), the cell with the lower number is shown.
 
 use rayon::prelude::*;
 
 use super::{Raster, SliceAxis};
 use crate::geometry::{Matrix3, Point3, Vector3};
-use crate::lattice::{Lattice, NO_PARTICLE, Topology, neighbours};
+use crate::lattice::{FRINGE, Lattice, NO_PARTICLE, Topology, neighbours};
 
 /// Offsets of a cell's corners, x fastest: corner `c` is at bits 0, 1 and 2 of `c`.
 const CORNERS: usize = 8;
@@ -69,6 +70,8 @@ struct Piece {
     inside: [Vector3; 3],
     /// Rest place: the same form, RAS+ [mm].
     rest: [Vector3; 3],
+    /// Corners that only carry the border of their neighbours' cells.
+    fringe: [bool; 4],
     columns: [usize; 2],
     rows: [usize; 2],
 }
@@ -161,7 +164,10 @@ impl<'a> InverseMap<'a> {
             if deformed && self.is_severed(&corners, tetrahedron) {
                 continue;
             }
-            pieces.extend(Piece::new(raster, tetrahedron.map(|c| place[c]), tetrahedron.map(|c| rest[c])));
+            let fringe = tetrahedron.map(|c| lattice.organ[corners[c] as usize] == FRINGE);
+            if fringe != [true; 4] {
+                pieces.extend(Piece::new(raster, tetrahedron.map(|c| place[c]), tetrahedron.map(|c| rest[c]), fringe));
+            }
         }
     }
 
@@ -181,7 +187,7 @@ impl<'a> InverseMap<'a> {
 }
 
 impl Piece {
-    fn new(raster: &Raster, place: [Point3; 4], rest: [Point3; 4]) -> Option<Self> {
+    fn new(raster: &Raster, place: [Point3; 4], rest: [Point3; 4], fringe: [bool; 4]) -> Option<Self> {
         let axis: SliceAxis = raster.plane.axis;
         let height = place.map(|p| p[axis.index()] - raster.plane.at_mm);
         // The box of the section: corners in the plane and crossings of edges.
@@ -219,15 +225,17 @@ impl Piece {
         let back = edges(&rest);
         let [constant, column, row] = inside.map(|barycentric| back * barycentric);
         let rest = [rest[0].coords + constant, column, row];
-        inside.iter().all(|v| v.iter().all(|x| x.is_finite())).then_some(Self { inside, rest, columns, rows })
+        inside.iter().all(|v| v.iter().all(|x| x.is_finite())).then_some(Self { inside, rest, fringe, columns, rows })
     }
 
     fn rest(&self, column: usize, row: usize) -> Option<Point3> {
         let at = |[constant, per_column, per_row]: &[Vector3; 3]| {
             constant + per_column * column as f64 + per_row * row as f64
         };
-        let shares = at(&self.inside);
-        let inside = shares.iter().all(|&share| share >= -SLACK) && shares.sum() <= 1.0 + SLACK;
+        let [b, c, d]: [f64; 3] = at(&self.inside).into();
+        let shares = [1.0 - b - c - d, b, c, d];
+        let nearest = (0..4).fold(0, |best, corner| if shares[corner] > shares[best] { corner } else { best });
+        let inside = shares.iter().all(|&share| share >= -SLACK) && !self.fringe[nearest];
         inside.then(|| Point3::from(at(&self.rest)))
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Rotation3;
 use yawara::geometry::{Affine, Grid, GridShape, Matrix3, Point3, Vector3};
 use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
-use yawara::lattice::{Lattice, SeveredSpring, Topology};
+use yawara::lattice::{FRINGE, Lattice, SeveredSpring, Topology};
 use yawara::slice::contour::contour;
 use yawara::slice::deformed::{Carried, InverseMap};
 use yawara::slice::{Raster, SliceAxis, SlicePicture, SlicePlane, Tint};
@@ -241,6 +241,29 @@ fn a_cut_opens_and_the_place_left_is_empty() {
 
 fn carried_count(carried: &yawara::slice::deformed::CarriedRaster) -> usize {
     carried.pixels().iter().filter(|pixel| matches!(pixel, Carried::From(_))).count()
+}
+
+#[test]
+fn the_fringe_holds_no_tissue() {
+    let mut lattice = block(Matrix3::identity(), GridShape::new(9, 9, 9));
+    for particle in 0..lattice.len() {
+        if lattice.ijk(particle as u32).iter().any(|&i| i == 0 || i == 8) {
+            lattice.organ[particle] = FRINGE;
+        }
+    }
+    let topology = Topology::new(&lattice);
+    let displacements = vec![[0.0; 3]; lattice.len()];
+    let raster = raster_around(&lattice, SliceAxis::X, 0.2);
+    let carried = InverseMap::new(&lattice, &topology, &displacements).carried(&raster);
+    // Particles up to 4.5 mm from the middle are tissue, the fringe is at 6 mm: the border lies between, half-way on the mean.
+    let reach = |at: &Carried| match at {
+        Carried::From(rest) => rest.y.abs().max(rest.z.abs()),
+        _ => 0.0,
+    };
+    let farthest = carried.pixels().iter().map(reach).fold(0.0, f64::max);
+    let area = 0.16 * carried_count(&carried) as f64;
+    assert!((4.9..5.9).contains(&farthest), "{farthest}");
+    assert!((area / 110.25 - 1.0).abs() < 0.1, "{area} mm2 for a square of about 10.5 mm");
 }
 
 #[test]
