@@ -90,7 +90,7 @@ fn header(organs: &[OrganMesh], vertices: usize) -> Header {
 }
 
 fn write_elements(out: &mut impl Write, header: &Header, organs: &[OrganMesh]) -> io::Result<()> {
-    let (vertices, faces) = (Writer::<Vertex>::new(), Writer::<Face>::new());
+    let (vertices, faces) = (Writer::<Vertex>::new(), Writer::<Triangle>::new());
     vertices.write_header(out, header)?;
     let meshes = || organs.iter().map(|organ| &organ.mesh);
     for mesh in meshes() {
@@ -108,7 +108,7 @@ fn write_elements(out: &mut impl Write, header: &Header, organs: &[OrganMesh]) -
     for mesh in meshes() {
         for corners in &mesh.triangles {
             // Checked before the file was opened: the last vertex fits an int.
-            let row = Face { indices: corners.map(|corner| (corner + first) as i32).to_vec() };
+            let row = Triangle(corners.map(|corner| (corner + first) as i32));
             faces.write_little_endian_element(out, &row, &header.elements["face"])?;
         }
         first += mesh.positions.len() as u32;
@@ -205,7 +205,20 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// One row of the face element.
+/// One row of the face element, as written.
+struct Triangle([i32; 3]);
+
+impl PropertyAccess for Triangle {
+    fn new() -> Self {
+        Self([0; 3])
+    }
+
+    fn get_list_int(&self, name: &str) -> Option<&[i32]> {
+        (name == "vertex_indices").then_some(&self.0)
+    }
+}
+
+/// One row of the face element, as read: of any number of corners.
 #[derive(Default)]
 struct Face {
     indices: Vec<i32>,
@@ -228,10 +241,6 @@ impl PropertyAccess for Face {
         // An index above i32::MAX turns negative and is refused with the triangle's number.
         self.indices = indices.into_iter().map(|index| index as i32).collect();
         PropertyAccessResult::Set
-    }
-
-    fn get_list_int(&self, name: &str) -> Option<&[i32]> {
-        (name == "vertex_indices").then_some(&self.indices)
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Text is drawn with the bitmap font that comes with `embedded-graphics`, smoothed: no font of the machine is needed, and the
 //! same data give the same bytes everywhere. Colours are those of Okabe and Ito (2008), told apart by colour-blind readers too.
+//! Characters outside ISO 8859-1 (Greek letters, say; "µ" and "°" are inside) are drawn as "?".
 //! Not a plotting library: one pair of axes, lines with or without marks.
 
 pub(crate) mod canvas;

@@ -5,7 +5,7 @@
 //! left out, and the cut opens as a gap one to two pitches wide at most. Inside a tetrahedron the map is linear, hence
 //! exact for any affine deformation, and of second order in the pitch otherwise.
 //!
-//! The part of a tetrahedron nearest to a fringe particle holds no tissue and is not shown: borders are as rough as the lattice.
+//! Tissue ends half-way between its particles and the fringe.
 //! Where tissue overlaps itself (two lips pushed into each other), the cell with the lower number is shown.
 
 use rayon::prelude::*;
@@ -234,8 +234,9 @@ impl Piece {
         };
         let [b, c, d]: [f64; 3] = at(&self.inside).into();
         let shares = [1.0 - b - c - d, b, c, d];
-        let nearest = (0..4).fold(0, |best, corner| if shares[corner] > shares[best] { corner } else { best });
-        let inside = shares.iter().all(|&share| share >= -SLACK) && !self.fringe[nearest];
+        // Tissue reaches half-way to the fringe; the share is continuous across tetrahedra, so the border is too.
+        let tissue: f64 = (0..4).filter(|&corner| !self.fringe[corner]).map(|corner| shares[corner]).sum();
+        let inside = shares.iter().all(|&share| share >= -SLACK) && tissue >= 0.5;
         inside.then(|| Point3::from(at(&self.rest)))
     }
 }

@@ -88,6 +88,23 @@ fn exactly_one_frame_is_shown_at_any_time_and_the_last_is_held() {
 }
 
 #[test]
+fn hidden_frames_shrink_to_the_middle_of_the_body() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.glb");
+    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    frames().iter().enumerate().for_each(|(at, organs)| writer.push_frame(at as f64, organs).unwrap());
+    writer.finish().unwrap();
+    let (json, _) = chunks(&path);
+    let shown: Vec<_> = json["scenes"][0]["nodes"].as_array().unwrap().iter().collect();
+    for node in shown {
+        let node = &json["nodes"][node.as_u64().unwrap() as usize];
+        let middle: Vec<f64> = node["translation"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        // Liver and kidney lie about (0, 0, 680) mm in patient space: head is +Y here.
+        assert!(middle[0].abs() < 0.03 && (middle[1] - 0.68).abs() < 0.03 && middle[2].abs() < 0.03, "{middle:?}");
+    }
+}
+
+#[test]
 fn triangles_are_stored_once_per_topology() {
     let folder = tempfile::tempdir().unwrap();
     let (same, changed) = (folder.path().join("same.glb"), folder.path().join("changed.glb"));

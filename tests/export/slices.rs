@@ -255,15 +255,16 @@ fn the_fringe_holds_no_tissue() {
     let displacements = vec![[0.0; 3]; lattice.len()];
     let raster = raster_around(&lattice, SliceAxis::X, 0.2);
     let carried = InverseMap::new(&lattice, &topology, &displacements).carried(&raster);
-    // Particles up to 4.5 mm from the middle are tissue, the fringe is at 6 mm: the border lies between, half-way on the mean.
+    // Particles up to 4.5 mm from the middle are tissue, the fringe is at 6 mm: the border lies half-way.
     let reach = |at: &Carried| match at {
         Carried::From(rest) => rest.y.abs().max(rest.z.abs()),
         _ => 0.0,
     };
     let farthest = carried.pixels().iter().map(reach).fold(0.0, f64::max);
     let area = 0.16 * carried_count(&carried) as f64;
-    assert!((4.9..5.9).contains(&farthest), "{farthest}");
-    assert!((area / 110.25 - 1.0).abs() < 0.1, "{area} mm2 for a square of about 10.5 mm");
+    assert!((5.0..=5.25 + 1e-6).contains(&farthest), "{farthest}");
+    // Corners of the square are cut off: there the mean of the four particles is mostly fringe.
+    assert!((106.0..110.25).contains(&area), "{area} mm2 for a square of 10.5 mm");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use gltf_json::validation::Checked::Valid;
 use gltf_json::{Index, Node};
 
 use super::document::{DocumentWriter, node};
+use super::to_gltf;
 use crate::io::mesh_error::WriteMeshError;
 use crate::surface::mesh::OrganMesh;
 
@@ -18,6 +19,9 @@ use crate::surface::mesh::OrganMesh;
 pub struct AnimatedGlbWriter {
     document: DocumentWriter,
     frames: Vec<Frame>,
+    /// Middle of the first frame, glTF axes [m]. Hidden frames shrink to this place; at the file's origin, often far outside the
+    /// body, they would make viewers that look at bounds show the body small and aside.
+    middle: Option<[f32; 3]>,
 }
 
 struct Frame {
@@ -31,7 +35,7 @@ impl AnimatedGlbWriter {
     /// # Errors
     /// If no temporary file can be made in the folder of `path`.
     pub fn create(path: &Path) -> Result<Self, WriteMeshError> {
-        Ok(Self { document: DocumentWriter::create(path)?, frames: Vec::new() })
+        Ok(Self { document: DocumentWriter::create(path)?, frames: Vec::new(), middle: None })
     }
 
     /// Adds a frame at a time [s]. An organ is known by its name; one without triangles is left out of the frame.
@@ -47,9 +51,14 @@ impl AnimatedGlbWriter {
             let path = self.document.path().to_path_buf();
             return Err(WriteMeshError::FrameTime { path, frame, time, previous });
         }
+        if self.middle.is_none() {
+            self.middle = middle(organs);
+            self.document.set_origin(self.middle.unwrap_or_default());
+        }
         let children = self.document.push_organs(organs, |organ| format!("{} {frame}", organ.name))?;
         let children = Some(children).filter(|children| !children.is_empty());
         let mut shown = node(format!("frame {frame}"), None, children);
+        shown.translation = self.middle;
         // Viewers that do not animate show the first frame alone.
         if frame > 0 {
             shown.scale = Some([0.0; 3]);
@@ -100,6 +109,19 @@ impl AnimatedGlbWriter {
         }
         Ok(Animation { extensions: None, extras: None, channels, name: Some("run".to_string()), samplers })
     }
+}
+
+/// Middle of the box around all vertices, glTF axes [m]; `None` without a vertex or with one that is not finite.
+fn middle(organs: &[OrganMesh]) -> Option<[f32; 3]> {
+    let places = || organs.iter().flat_map(|organ| &organ.mesh.positions);
+    let middle = [0, 1, 2].map(|axis| {
+        let (low, high) = places().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| {
+            (low.min(place[axis].into()), high.max(place[axis].into()))
+        });
+        f64::midpoint(low, high) / 1000.0
+    });
+    let middle = to_gltf(middle).map(|x| x as f32);
+    middle.iter().all(|x| x.is_finite()).then_some(middle)
 }
 
 #[cfg(test)]

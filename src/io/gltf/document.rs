@@ -40,6 +40,10 @@ pub(super) struct DocumentWriter {
     /// The most a file may hold; smaller in tests.
     limit: u64,
     organs: BTreeMap<String, OrganState>,
+    /// What positions are stored relative to, glTF axes [m]; zero unless nodes add it again.
+    origin: [f32; 3],
+    /// The most organ meshes given at once, with triangles or not.
+    offered: usize,
     /// A write failed half-way: the spool cannot be trusted.
     torn: bool,
 }
@@ -62,12 +66,17 @@ impl DocumentWriter {
         let mut root = Root::default();
         root.asset.generator = Some(format!("yawara {}", env!("CARGO_PKG_VERSION")));
         let (path, organs) = (path.to_path_buf(), BTreeMap::new());
-        Ok(Self { path, root, spool, bytes: 0, limit: LIMIT, organs, torn: false })
+        Ok(Self { path, root, spool, bytes: 0, limit: LIMIT, organs, origin: [0.0; 3], offered: 0, torn: false })
     }
 
     #[cfg(test)]
     pub(super) fn set_limit(&mut self, limit: u64) {
         self.limit = limit;
+    }
+
+    /// Stores later positions relative to this place, glTF axes [m]; their nodes must add it as a translation.
+    pub(super) fn set_origin(&mut self, origin: [f32; 3]) {
+        self.origin = origin;
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -88,6 +97,7 @@ impl DocumentWriter {
     ) -> Result<Vec<Index<Node>>, WriteMeshError> {
         organs.iter().try_for_each(|organ| check_organ(&self.path, organ))?;
         self.check_size(organs.iter().map(|organ| largest_size(&organ.mesh)).sum())?;
+        self.offered = self.offered.max(organs.len());
         let mut nodes = Vec::new();
         for organ in organs.iter().filter(|organ| !organ.mesh.triangles.is_empty()) {
             let mesh = self.push_mesh(organ).map_err(|source| self.tear(source))?;
@@ -121,7 +131,12 @@ impl DocumentWriter {
         let OrganMesh { name, mesh, .. } = organ;
         let to_metres = |v: &[f32; 3]| to_gltf(v.map(|x| f64::from(x) / 1000.0)).map(|x| x as f32);
         let mut attributes = BTreeMap::new();
-        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(to_metres).collect();
+        let origin = self.origin.map(f64::from);
+        let from_origin = |v: &[f32; 3]| {
+            let place = to_gltf(v.map(|x| f64::from(x) / 1000.0));
+            [0, 1, 2].map(|axis| (place[axis] - origin[axis]) as f32)
+        };
+        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(from_origin).collect();
         attributes.insert(Valid(Semantic::Positions), self.vectors(&positions, true)?);
         if !mesh.normals.is_empty() {
             let normals: Vec<[f32; 3]> = mesh.normals.iter().map(unit_normal).collect();
@@ -251,7 +266,7 @@ impl DocumentWriter {
             return Err(WriteMeshError::Unfinished { path: self.path });
         }
         if self.root.meshes.is_empty() {
-            return Err(WriteMeshError::Empty { path: self.path, organs: 0 });
+            return Err(WriteMeshError::Empty { path: self.path, organs: self.offered });
         }
         self.root.animations.extend(animation);
         self.root.buffers.push(Buffer {

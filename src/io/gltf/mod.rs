@@ -34,9 +34,9 @@ fn to_gltf([x, y, z]: [f64; 3]) -> [f64; 3] {
     [-x, z, y]
 }
 
-/// The inverse of [`to_gltf`], which is its own inverse up to the order of the last two.
-fn from_gltf([x, y, z]: [f64; 3]) -> [f64; 3] {
-    [-x, z, y]
+/// Turns a direction back: [`to_gltf`] is a half turn, hence its own inverse.
+fn from_gltf(direction: [f64; 3]) -> [f64; 3] {
+    to_gltf(direction)
 }
 
 /// Writes organ meshes as one GLB: a node, a mesh and a material for each organ that has triangles.
