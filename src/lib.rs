@@ -1,5 +1,6 @@
 //! yawara: from a CT volume to a soft organ that can be pushed, pulled and cut, and to surfaces worth looking at.
 
+pub mod cli;
 pub mod cut;
 pub mod dynamics;
 pub mod geometry;

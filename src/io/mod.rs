@@ -2,9 +2,9 @@
 
 pub mod atomic;
 pub mod gltf;
+pub mod label_names;
 pub mod mesh_error;
 pub mod mesh_format;
-pub mod label_names;
 pub mod nifti;
 pub mod ply;
 pub mod png;

@@ -77,14 +77,14 @@ impl RunMesher {
             .organs
             .iter()
             .any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }))
-            .then(|| reader.extra(HU_ARRAY))
+            .then(|| reader.extra_f32(HU_ARRAY))
             .transpose()?;
         let organs = (0..scene.organs.len())
             .filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name))
             .map(|organ| {
                 let values = match (&scene.organs[organ].voxels, &hu) {
                     (VoxelSelection::Hu { min, max }, Some(hu)) => {
-                        field::from_hu(lattice, organ as u8, hu.f32s(), [*min, *max], HU_CONTRAST)
+                        field::from_hu(lattice, organ as u8, &hu.values, [*min, *max], HU_CONTRAST)
                     }
                     _ if smoothing == 0 => field::binary(lattice, organ as u8),
                     _ => field::smoothed(lattice, organ as u8, smoothing),
@@ -136,10 +136,8 @@ impl RunMesher {
         self.organs
             .iter()
             .map(|(organ, values)| {
-                Surface::extract(lattice, topology, values).map_err(|source| MeshRunError::Surface {
-                    organ: self.scene.organs[*organ].name.clone(),
-                    source,
-                })
+                Surface::extract(lattice, topology, values)
+                    .map_err(|source| MeshRunError::Surface { organ: self.scene.organs[*organ].name.clone(), source })
             })
             .collect()
     }
@@ -150,7 +148,7 @@ impl RunMesher {
 /// # Errors
 /// If it is not one that this version understands.
 pub fn scene_of(reader: &RunReader) -> Result<Scene, MeshRunError> {
-    serde_json::from_value(reader.scene_json().clone())
+    serde_json::from_value(reader.scene().clone())
         .map_err(|source| MeshRunError::Scene { path: reader.path().join("scene.json"), source })
 }
 

@@ -92,6 +92,19 @@ impl RunReader {
         Ok(Self { path: path.to_path_buf(), manifest, scene, lattice, displacement, time, step, severed_count })
     }
 
+    /// Steps taken before a frame.
+    ///
+    /// # Panics
+    /// If there is no such frame.
+    pub fn step(&self, index: usize) -> u64 {
+        self.step[index]
+    }
+
+    /// Folder of the run.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The manifest. Its frame count may be one behind [`RunReader::frames`] in an interrupted run.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest

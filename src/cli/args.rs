@@ -1,0 +1,305 @@
+//! What can be asked of the program.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::run::meshes::DEFAULT_SMOOTHING;
+use crate::slice::SliceAxis;
+
+/// Turns a CT volume into a soft organ that can be pushed, pulled and cut, and gives back surfaces.
+///
+/// Places are in millimetres in patient space (RAS+: x to the patient's right, y to the front, z to the head); everything
+/// else is SI.
+#[derive(Debug, Parser)]
+#[command(
+    name = "yawara",
+    version,
+    after_help = "Example:\n  yawara demo -o outputs/demo\n\nExit codes: 0 done; 1 finished, but a check failed; 2 bad usage or input."
+)]
+pub(super) struct Arguments {
+    /// Print errors, warnings and results only.
+    #[arg(long, short, global = true)]
+    pub(super) quiet: bool,
+    /// Worker threads; results do not depend on their number [default: one per processor].
+    #[arg(long, global = true, value_name = "N")]
+    pub(super) threads: Option<NonZeroUsize>,
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    Demo(DemoArguments),
+    Run(RunArguments),
+    Mesh(MeshArguments),
+    Slice(SliceArguments),
+    Volume(VolumeArguments),
+    Phantom(PhantomArguments),
+    Info(InfoArguments),
+    Check(CheckArguments),
+    Scene(SceneArguments),
+    #[command(subcommand)]
+    Bench(BenchCommand),
+    /// Print a completion script for a shell.
+    #[command(after_help = "Example:\n  yawara completions bash > ~/.local/share/bash-completion/completions/yawara")]
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page.
+    #[command(after_help = "Example:\n  yawara man | man -l -")]
+    Man,
+}
+
+/// Take an embedded phantom all the way: cut and pull its liver, and write run, meshes and slices.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara demo -o outputs/demo")]
+pub(super) struct DemoArguments {
+    /// Folder to write to; it must not exist yet, or hold an earlier demo with --overwrite.
+    #[arg(long, short, default_value = "outputs/demo")]
+    pub(super) output: PathBuf,
+    /// Replace an earlier demo.
+    #[arg(long)]
+    pub(super) overwrite: bool,
+}
+
+/// Simulate a scene into a run directory.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara run fixtures/scenes/fig3-cube.toml -o outputs/fig3")]
+pub(super) struct RunArguments {
+    /// Scene file (TOML); see `yawara scene --schema`.
+    pub(super) scene: PathBuf,
+    /// Run directory to write [default: outputs/ and the scene's name].
+    #[arg(long, short)]
+    pub(super) output: Option<PathBuf>,
+    /// Replace an earlier run.
+    #[arg(long)]
+    pub(super) overwrite: bool,
+}
+
+/// Write the surfaces of a run as STL, PLY or GLB.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara mesh outputs/demo/run -o liver.stl --organ liver\n  \
+                        yawara mesh outputs/demo/run -o liver.glb --frame all\n  \
+                        yawara mesh outputs/demo/run -o 'liver_{frame}.ply' --frame all\n\n\
+                        STL and PLY are in patient mm (RAS+), GLB in metres with +Y towards the head.")]
+pub(super) struct MeshArguments {
+    /// Run directory.
+    pub(super) run: PathBuf,
+    /// File to write: .stl, .ply or .glb; `{frame}` in its name stands for the number of each frame.
+    #[arg(long, short)]
+    pub(super) output: PathBuf,
+    /// Which frame: a number from 0, `last`, or `all` (numbered files, or one animated GLB).
+    #[arg(long, default_value = "last", value_name = "N|last|all")]
+    pub(super) frame: FrameChoice,
+    /// Organ to write, by its name in the scene; may be given several times [default: all].
+    #[arg(long, value_name = "NAME")]
+    pub(super) organ: Vec<String>,
+    /// Passes of smoothing over the label map before the surface is drawn; 0 keeps its staircases.
+    #[arg(long, default_value_t = DEFAULT_SMOOTHING, value_name = "N")]
+    pub(super) smooth: usize,
+    /// Write STL as text.
+    #[arg(long)]
+    pub(super) ascii: bool,
+}
+
+/// Which frames of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FrameChoice {
+    Number(usize),
+    Last,
+    All,
+}
+
+impl std::str::FromStr for FrameChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "last" => Ok(Self::Last),
+            "all" => Ok(Self::All),
+            number => number
+                .parse()
+                .map(Self::Number)
+                .map_err(|_| format!("`{number}` is not a frame; expected a number from 0, `last` or `all`")),
+        }
+    }
+}
+
+/// Draw a slice of a volume or a run as PNG.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara slice ct.nii.gz -o axial.png --axis z --at 0\n  \
+                        yawara slice outputs/demo/run -o cut.png --axis z --at 0 --frame last\n\n\
+                        Axial slices are seen from the feet, coronal ones from the front: the patient's right is on the \
+                        left of the picture. Sagittal slices are seen from the left.")]
+pub(super) struct SliceArguments {
+    /// NIfTI volume or run directory.
+    pub(super) source: PathBuf,
+    /// PNG file to write.
+    #[arg(long, short)]
+    pub(super) output: PathBuf,
+    /// Axis across the slice: x sagittal, y coronal, z axial.
+    #[arg(long, value_enum)]
+    pub(super) axis: AxisChoice,
+    /// Coordinate of the slice on that axis, RAS+ [mm].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    pub(super) at: f64,
+    /// Edge of a pixel [mm] [default: half the smallest voxel spacing].
+    #[arg(long, value_name = "MM")]
+    pub(super) pixel: Option<f64>,
+    /// Value shown as middle grey [HU].
+    #[arg(long, default_value_t = 40.0, value_name = "HU", allow_negative_numbers = true)]
+    pub(super) level: f32,
+    /// Range of values from black to white [HU].
+    #[arg(long, default_value_t = 400.0, value_name = "HU")]
+    pub(super) window: f32,
+    /// Label map to tint, on any grid (of a volume; a run brings its own).
+    #[arg(long, value_name = "FILE")]
+    pub(super) labels: Option<PathBuf>,
+    /// Strength of the tint, from 0 (grey) to 1.
+    #[arg(long, default_value_t = 0.25, value_name = "SHARE")]
+    pub(super) tint: f64,
+    /// Frame of a run: a number from 0, or `last`.
+    #[arg(long, default_value = "last", value_name = "N|last")]
+    pub(super) frame: FrameChoice,
+    /// Show the volume at rest, not carried by the deformation of the run.
+    #[arg(long)]
+    pub(super) rest: bool,
+    /// Leave out the contours of the surfaces.
+    #[arg(long)]
+    pub(super) no_contour: bool,
+    /// Leave out letters and scale bar.
+    #[arg(long)]
+    pub(super) plain: bool,
+}
+
+/// A patient axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum AxisChoice {
+    X,
+    Y,
+    Z,
+}
+
+impl From<AxisChoice> for SliceAxis {
+    fn from(axis: AxisChoice) -> Self {
+        match axis {
+            AxisChoice::X => Self::X,
+            AxisChoice::Y => Self::Y,
+            AxisChoice::Z => Self::Z,
+        }
+    }
+}
+
+/// Plot the volume of a run's tissue over its frames, by cells and by surface (PNG and CSV).
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara volume outputs/fig3 -o outputs/fig4.png\n\n\
+                        By cells: sum over the cells no blade went through. By surface: inside the closed surfaces.")]
+pub(super) struct VolumeArguments {
+    /// Run directory.
+    pub(super) run: PathBuf,
+    /// PNG file to write; the numbers go to the same name with .csv.
+    #[arg(long, short)]
+    pub(super) output: PathBuf,
+    /// Organ to measure by surface, by its name in the scene; may be given several times [default: all that deform].
+    #[arg(long, value_name = "NAME")]
+    pub(super) organ: Vec<String>,
+}
+
+/// Write an embedded phantom as NIfTI: ct.nii.gz, labels.nii.gz and labels.tsv.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara phantom -o outputs/phantom --spacing 2")]
+pub(super) struct PhantomArguments {
+    /// Folder to write to.
+    #[arg(long, short, default_value = "outputs/phantom")]
+    pub(super) output: PathBuf,
+    /// Which phantom.
+    #[arg(long, value_enum, default_value_t = KindChoice::Abdomen)]
+    pub(super) kind: KindChoice,
+    /// Voxel spacing [mm].
+    #[arg(long, default_value_t = 3.0, value_name = "MM")]
+    pub(super) spacing: f64,
+    /// Seed of noise and texture.
+    #[arg(long, default_value_t = 1)]
+    pub(super) seed: u64,
+}
+
+/// A phantom.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum KindChoice {
+    /// Liver with vessels, kidneys, spine, ribs, fat and skin.
+    Abdomen,
+    /// A cube.
+    Cube,
+    /// A long square bar.
+    Beam,
+}
+
+/// Tell what a volume, a scene, a mesh or a run holds.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara info ct.nii.gz\n  yawara info fixtures/scenes/quickstart.toml --json")]
+pub(super) struct InfoArguments {
+    /// NIfTI volume, scene (TOML), mesh or run directory.
+    pub(super) path: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// Check that meshes are closed, manifold and oriented; exit code 1 when one is not.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara check liver.stl\n  yawara check outputs/demo/run --json")]
+pub(super) struct CheckArguments {
+    /// Mesh (.stl, .ply, .glb) or run directory (the surfaces of every frame).
+    pub(super) path: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// Check a scene, or print the JSON schema of scenes.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara scene my.toml\n  yawara scene --schema > scene.schema.json")]
+pub(super) struct SceneArguments {
+    /// Scene to check; prints it resolved, in SI units, as JSON.
+    #[arg(required_unless_present = "schema")]
+    pub(super) scene: Option<PathBuf>,
+    /// Print the JSON schema.
+    #[arg(long, conflicts_with = "scene")]
+    pub(super) schema: bool,
+}
+
+/// Measure speed; the last line of --json is one JSON object.
+#[derive(Debug, Subcommand)]
+#[command(after_help = "Example:\n  yawara bench lattice --n 128 --steps 20")]
+pub(super) enum BenchCommand {
+    /// Steps of a full cube of particles: mass 1, spacing 1, stiffness 10, no damper, dt 0.01, stretched by 0.1 % along x.
+    Lattice(BenchLatticeArguments),
+    /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
+    Surface(BenchSurfaceArguments),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct BenchLatticeArguments {
+    /// Particles along each edge.
+    #[arg(long, default_value_t = 128)]
+    pub(super) n: usize,
+    /// Steps to time.
+    #[arg(long, default_value_t = 20)]
+    pub(super) steps: u32,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct BenchSurfaceArguments {
+    /// Grid points along each edge.
+    #[arg(long, default_value_t = 256)]
+    pub(super) n: usize,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}

@@ -1,0 +1,88 @@
+//! `yawara check`: are meshes closed, manifold and oriented?
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::args::CheckArguments;
+use super::exit::Outcome;
+use super::mesh::open;
+use super::messages::{Messages, out};
+use super::progress;
+use crate::io::gltf::GlbReader;
+use crate::io::mesh_format::MeshFormat;
+use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher};
+use crate::surface::check::{MeshReport, check as examine};
+use crate::surface::mesh::OrganMesh;
+
+pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::Result<Outcome> {
+    let checked = if arguments.path.is_dir() { of_run(&arguments.path, messages)? } else { of_mesh(&arguments.path)? };
+    let passed = checked.iter().all(|(_, _, report)| report.passes());
+    if arguments.json {
+        let meshes: Vec<Value> = checked.iter().map(|(frame, name, report)| to_json(*frame, name, report)).collect();
+        out(&json!({ "passed": passed, "meshes": meshes }).to_string())?;
+    } else {
+        for (frame, name, report) in &checked {
+            let frame = frame.map(|frame| format!("frame {frame}, ")).unwrap_or_default();
+            out(&format!("{frame}{name}: {}\n{report}", if report.passes() { "passed" } else { "FAILED" }))?;
+        }
+    }
+    Ok(if passed { Outcome::Done } else { Outcome::CheckFailed })
+}
+
+type Checked = Vec<(Option<usize>, String, MeshReport)>;
+
+fn of_mesh(path: &Path) -> anyhow::Result<Checked> {
+    let report = |frame, organs: Vec<OrganMesh>| {
+        organs.into_iter().map(move |organ| (frame, organ.name, examine(&organ.mesh))).collect::<Vec<_>>()
+    };
+    let format = MeshFormat::from_path(path)?;
+    if format == MeshFormat::Glb {
+        let mut reader = GlbReader::open(path)?;
+        let frames = reader.frames();
+        let mut checked = Vec::new();
+        for frame in 0..frames {
+            checked.extend(report((frames > 1).then_some(frame), reader.read_frame(frame)?));
+        }
+        return Ok(checked);
+    }
+    Ok(report(None, format.read(path)?))
+}
+
+fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Checked> {
+    let mut mesher = RunMesher::new(open(path, messages)?, &[], DEFAULT_SMOOTHING)?;
+    let frames = mesher.reader().frames();
+    let bar = progress::bar(messages, "frames", frames as u64);
+    let mut checked = Vec::new();
+    for frame in 0..frames {
+        let (_, meshes) = mesher.frame(frame)?;
+        checked.extend(meshes.into_iter().map(|organ| (Some(frame), organ.name, examine(&organ.mesh))));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(checked)
+}
+
+fn to_json(frame: Option<usize>, name: &str, report: &MeshReport) -> Value {
+    json!({
+        "frame": frame,
+        "name": name,
+        "passed": report.passes(),
+        "closed": report.is_closed(),
+        "manifold": report.is_manifold(),
+        "oriented": report.is_oriented(),
+        "vertices": report.vertices,
+        "triangles": report.triangles,
+        "open_edges": report.open_edges,
+        "non_manifold_edges": report.non_manifold_edges,
+        "non_manifold_vertices": report.non_manifold_vertices,
+        "inconsistent_edges": report.inconsistent_edges,
+        "duplicate_triangles": report.duplicate_triangles,
+        "non_finite_vertices": report.non_finite_vertices,
+        "components": report.components.len(),
+        "euler_characteristic": report.euler,
+        "area_mm2": report.area_mm2,
+        "volume_mm3": report.volume_mm3,
+        "min_angle_deg": report.min_angle_deg,
+    })
+}

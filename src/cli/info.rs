@@ -1,0 +1,195 @@
+//! `yawara info`: what a file or a run holds.
+
+use std::path::Path;
+
+use anyhow::Context;
+use serde_json::{Value, json};
+
+use super::args::InfoArguments;
+use super::exit::Outcome;
+use super::mesh::open;
+use super::messages::{Messages, out};
+use crate::io::mesh_format::MeshFormat;
+use crate::io::nifti::{Datatype, VolumeInfo, read_ct, read_info, read_labels};
+use crate::run::inputs;
+use crate::run::label_lookup::Files;
+use crate::run::prepare::prepare;
+use crate::surface::check::check;
+
+pub(super) fn info(arguments: &InfoArguments, messages: &Messages) -> anyhow::Result<Outcome> {
+    let path = &arguments.path;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let facts = if path.is_dir() {
+        of_run(path, messages)?
+    } else {
+        match extension.as_str() {
+            "toml" => of_scene(path, messages)?,
+            "stl" | "ply" | "glb" => of_mesh(path)?,
+            _ => of_volume(path)?,
+        }
+    };
+    out(&if arguments.json { facts.to_string() } else { text(&facts) })?;
+    Ok(Outcome::Done)
+}
+
+fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
+    let reader = open(path, messages)?;
+    let mut facts = json!({ "kind": "run", "manifest": reader.manifest() });
+    facts["series"] = json!(reader.series_names());
+    if let Some(last) = reader.frames().checked_sub(1) {
+        facts["last_time_s"] = json!(reader.times()[last]);
+        facts["severed_springs"] = json!(reader.severed(last)?.len());
+    }
+    Ok(facts)
+}
+
+fn of_scene(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
+    let (scene, warnings) = crate::scene::load(path, &Files)?;
+    warnings.iter().for_each(|warning| messages.warning(warning));
+    let inputs = inputs::load(&scene.volume)?;
+    let prepared = prepare(&scene, &inputs)?;
+    let schedule = prepared.schedule;
+    let lattice = &prepared.lattice;
+    let organs: Vec<Value> = scene
+        .organs
+        .iter()
+        .enumerate()
+        .map(|(number, organ)| {
+            let particles = lattice.organ.iter().filter(|&&o| usize::from(o) == number).count();
+            json!({ "name": organ.name, "particles": particles })
+        })
+        .collect();
+    let mut facts = json!({
+        "kind": "scene",
+        "model": scene.lattice.model,
+        "pitch_mm": lattice.pitch * 1e3,
+        "particles": lattice.len(),
+        "springs": lattice.spring_count(),
+        "organs": organs,
+        "operations": scene.operations.len(),
+        "duration_s": scene.time.duration,
+        "stable_dt_s": schedule.stable_dt,
+        "dt_s": schedule.dt,
+        "steps": schedule.steps,
+        "frames": schedule.frames,
+    });
+    let world = prepared.into_world(scene.gravity);
+    facts["bytes_per_particle"] = json!(world.bytes_per_particle());
+    facts["blocks_alike"] = json!(world.alike_share());
+    Ok(facts)
+}
+
+fn of_mesh(path: &Path) -> anyhow::Result<Value> {
+    let format = MeshFormat::from_path(path)?;
+    let meshes: Vec<Value> = format
+        .read(path)?
+        .iter()
+        .map(|organ| {
+            let report = check(&organ.mesh);
+            json!({
+                "name": organ.name,
+                "vertices": report.vertices,
+                "triangles": report.triangles,
+                "components": report.components.len(),
+                "closed": report.is_closed(),
+                "area_mm2": report.area_mm2,
+                "volume_ml": report.volume_ml(),
+                "bounds_ras_mm": report.bounds,
+            })
+        })
+        .collect();
+    Ok(json!({ "kind": "mesh", "format": format.to_string(), "meshes": meshes }))
+}
+
+fn of_volume(path: &Path) -> anyhow::Result<Value> {
+    let header = read_info(path)?;
+    let mut facts = of_header(&header);
+    // Whole numbers of one or two bytes are usually labels; a CT is signed or has a scale.
+    let labels = header.scaling.is_none() && matches!(header.datatype, Datatype::U8 | Datatype::U16);
+    if labels {
+        let (map, _) = read_labels(path).with_context(|| format!("{}: could not read the labels", path.display()))?;
+        let voxel_ml = header.affine().determinant().abs() * 1e-3;
+        facts["labels"] = map
+            .label_summaries()
+            .iter()
+            .filter(|summary| summary.label != 0)
+            .map(|summary| {
+                json!({
+                    "label": summary.label,
+                    "voxels": summary.voxels,
+                    "volume_ml": summary.voxels as f64 * voxel_ml,
+                    "touches_border": summary.touches_border(),
+                })
+            })
+            .collect();
+    } else {
+        let (image, info) = read_ct(path)?;
+        let statistics = image.statistics();
+        facts["min"] = json!(statistics.min);
+        facts["max"] = json!(statistics.max);
+        facts["mean"] = json!(statistics.mean());
+        facts["replaced_voxels"] = json!(info.replaced_voxels);
+    }
+    Ok(facts)
+}
+
+fn of_header(header: &VolumeInfo) -> Value {
+    let matrix = header.affine().matrix();
+    let rows: Vec<Vec<f64>> = (0..4).map(|row| matrix.row(row).iter().copied().collect()).collect();
+    json!({
+        "kind": "volume",
+        "format": header.version.to_string(),
+        "shape": header.shape().dims(),
+        "spacing_mm": header.spacing(),
+        "axes": header.axis_codes(),
+        "affine_from": header.affine_source.to_string(),
+        "affine_ras_mm": rows,
+        "datatype": header.datatype.to_string(),
+        "byte_order": header.byte_order.to_string(),
+        "gzip": header.gzip,
+        "slope_and_intercept": header.scaling.map(|scaling| [scaling.slope, scaling.intercept]),
+    })
+}
+
+/// JSON as aligned lines: `key  value`, nested objects indented.
+fn text(facts: &Value) -> String {
+    let mut lines = String::new();
+    write_object(facts, 0, &mut lines);
+    lines
+}
+
+fn write_object(value: &Value, depth: usize, lines: &mut String) {
+    let Value::Object(map) = value else { return };
+    let width = map.keys().map(String::len).max().unwrap_or(0);
+    for (key, value) in map {
+        let indent = "  ".repeat(depth);
+        match value {
+            Value::Object(_) => {
+                lines.push_str(&format!("{indent}{key}\n"));
+                write_object(value, depth + 1, lines);
+            }
+            Value::Array(items) if items.iter().any(Value::is_object) => {
+                lines.push_str(&format!("{indent}{key}\n"));
+                for item in items {
+                    let Value::Object(item) = item else { continue };
+                    let cells: Vec<String> = item.iter().map(|(k, v)| format!("{k} {}", plain(v))).collect();
+                    lines.push_str(&format!("{indent}  {}\n", cells.join("  ")));
+                }
+            }
+            Value::Array(rows) if rows.iter().any(Value::is_array) => {
+                lines.push_str(&format!("{indent}{key}\n"));
+                rows.iter().for_each(|row| lines.push_str(&format!("{indent}  {}\n", plain(row))));
+            }
+            value => lines.push_str(&format!("{indent}{key:width$}  {}\n", plain(value))),
+        }
+    }
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Null => "none".to_owned(),
+        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(", "),
+        other => other.to_string(),
+    }
+}

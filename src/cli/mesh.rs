@@ -1,0 +1,98 @@
+//! `yawara mesh`: the surfaces of a run as files.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+
+use super::args::{FrameChoice, MeshArguments};
+use super::exit::Outcome;
+use super::messages::{Messages, out};
+use super::progress;
+use crate::io::gltf::AnimatedGlbWriter;
+use crate::io::mesh_format::{MeshFormat, MeshOutput};
+use crate::run::meshes::RunMesher;
+use crate::store::RunReader;
+use crate::surface::mesh::OrganMesh;
+
+pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Outcome> {
+    let mut format = MeshFormat::from_path(&arguments.output)?;
+    if arguments.ascii {
+        format = format.ascii()?;
+    }
+    let reader = open(&arguments.run, messages)?;
+    let frames = frames(arguments.frame, &reader)?;
+    let output = MeshOutput::new(&arguments.output, format, frames.len())?;
+    let mut mesher = RunMesher::new(reader, &arguments.organ, arguments.smooth)?;
+    for path in write(&mut mesher, &frames, &output, format, messages)? {
+        out(&path.display().to_string())?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Opens a run and says when it is not complete.
+pub(super) fn open(path: &Path, messages: &Messages) -> anyhow::Result<RunReader> {
+    let reader = RunReader::open(path)?;
+    if let Some(warning) = reader.warning() {
+        messages.warning(warning);
+    }
+    Ok(reader)
+}
+
+/// Numbers of the frames that are asked for.
+pub(super) fn frames(choice: FrameChoice, reader: &RunReader) -> anyhow::Result<Vec<usize>> {
+    let count = reader.frames();
+    let Some(last) = count.checked_sub(1) else { bail!("{}: the run has no frame yet", reader.path().display()) };
+    match choice {
+        FrameChoice::All => Ok((0..count).collect()),
+        FrameChoice::Last => Ok(vec![last]),
+        FrameChoice::Number(number) if number < count => Ok(vec![number]),
+        FrameChoice::Number(number) => {
+            bail!("{}: there is no frame {number}; the run has frames 0 to {last}", reader.path().display())
+        }
+    }
+}
+
+/// Writes frames and returns the paths written.
+pub(super) fn write(
+    mesher: &mut RunMesher,
+    frames: &[usize],
+    output: &MeshOutput,
+    format: MeshFormat,
+    messages: &Messages,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let bar = progress::bar(messages, "frames", frames.len() as u64);
+    let last = mesher.reader().frames().saturating_sub(1);
+    let mut written = Vec::new();
+    match output {
+        MeshOutput::File(path) => {
+            let (_, meshes) = mesher.frame(frames[0])?;
+            write_one(format, path, &meshes)?;
+            written.push(path.clone());
+        }
+        MeshOutput::Sequence(pattern) => {
+            for &number in frames {
+                let (_, meshes) = mesher.frame(number)?;
+                let path = pattern.path(number, last);
+                write_one(format, &path, &meshes)?;
+                written.push(path);
+                bar.inc(1);
+            }
+        }
+        MeshOutput::Animation(path) => {
+            let mut animation = AnimatedGlbWriter::create(path)?;
+            for &number in frames {
+                let (time, meshes) = mesher.frame(number)?;
+                animation.push_frame(time, &meshes)?;
+                bar.inc(1);
+            }
+            animation.finish()?;
+            written.push(path.clone());
+        }
+    }
+    bar.finish_and_clear();
+    Ok(written)
+}
+
+fn write_one(format: MeshFormat, path: &Path, meshes: &[OrganMesh]) -> anyhow::Result<()> {
+    format.write(path, meshes).with_context(|| format!("{}: could not write the mesh", path.display()))
+}

@@ -1,0 +1,76 @@
+//! The command line: the only place that prints or exits.
+//!
+//! One file per subcommand. Results go to standard output, messages and progress to standard error; progress only on a
+//! terminal.
+
+mod args;
+mod bench;
+mod check;
+mod demo;
+mod exit;
+mod info;
+mod mesh;
+mod messages;
+mod phantom;
+mod progress;
+mod run;
+mod scene;
+mod slice;
+mod volume;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+
+use args::{Arguments, Command};
+use exit::Outcome;
+use messages::{Messages, out};
+
+/// Parses the command line, does what it asks, and gives the exit code: see [`exit`](self).
+pub fn main() -> ExitCode {
+    // clap prints help and usage errors itself, with codes 0 and 2.
+    let arguments = Arguments::parse();
+    let messages = Messages::new(arguments.quiet);
+    if let Some(threads) = arguments.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
+        if let Err(error) = pool {
+            messages.error(&anyhow::Error::new(error).context("could not start the worker threads"));
+            return ExitCode::from(exit::BAD_INPUT);
+        }
+    }
+    match dispatch(arguments.command, &messages) {
+        Ok(outcome) => outcome.code(),
+        Err(error) if exit::is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            messages.error(&error);
+            ExitCode::from(exit::BAD_INPUT)
+        }
+    }
+}
+
+fn dispatch(command: Command, messages: &Messages) -> anyhow::Result<Outcome> {
+    match command {
+        Command::Demo(arguments) => demo::demo(&arguments, messages),
+        Command::Run(arguments) => run::run(&arguments, messages),
+        Command::Mesh(arguments) => mesh::mesh(&arguments, messages),
+        Command::Slice(arguments) => slice::slice(&arguments, messages),
+        Command::Volume(arguments) => volume::volume(&arguments, messages),
+        Command::Phantom(arguments) => phantom::phantom(&arguments, messages),
+        Command::Info(arguments) => info::info(&arguments, messages),
+        Command::Check(arguments) => check::check(&arguments, messages),
+        Command::Scene(arguments) => scene::scene(&arguments, messages),
+        Command::Bench(arguments) => bench::bench(&arguments, messages),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "yawara", &mut script);
+            out(&String::from_utf8_lossy(&script))?;
+            Ok(Outcome::Done)
+        }
+        Command::Man => {
+            let mut page = Vec::new();
+            clap_mangen::Man::new(Arguments::command()).render(&mut page)?;
+            out(&String::from_utf8_lossy(&page))?;
+            Ok(Outcome::Done)
+        }
+    }
+}

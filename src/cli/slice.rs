@@ -1,0 +1,168 @@
+//! `yawara slice`: a plane of a volume or a run as PNG.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+
+use super::args::{FrameChoice, SliceArguments};
+use super::exit::Outcome;
+use super::mesh::{frames, open};
+use super::messages::{Messages, out};
+use crate::geometry::Grid;
+use crate::io::nifti::{read_ct, read_labels};
+use crate::io::png::write_png;
+use crate::run::inputs;
+use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher, scene_of};
+use crate::scene::resolved::{Scene, VoxelSelection};
+use crate::slice::deformed::InverseMap;
+use crate::slice::{SlicePicture, SlicePlane, Tint, Window};
+use crate::surface::mesh::{OrganMesh, TriangleMesh};
+use crate::volume::{CtVolume, LabelVolume};
+
+pub(super) fn slice(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<Outcome> {
+    if !(0.0..=1.0).contains(&arguments.tint) {
+        bail!("--tint is {}, expected a share from 0 (grey) to 1", arguments.tint);
+    }
+    if arguments.source.is_dir() { of_run(arguments, messages) } else { of_volume(arguments) }?;
+    out(&arguments.output.display().to_string())?;
+    Ok(Outcome::Done)
+}
+
+fn of_volume(arguments: &SliceArguments) -> anyhow::Result<()> {
+    let (ct, _) = read_ct(&arguments.source)?;
+    let labels = arguments.labels.as_deref().map(read_labels).transpose()?.map(|(labels, _)| labels);
+    let tint = labels.as_ref().map(|labels| Tint { colors: palette(labels), alpha: arguments.tint });
+    let plane = plane(arguments, ct.grid());
+    let raster = plane.raster(ct.grid())?;
+    let picture = SlicePicture {
+        labels: labels.as_ref(),
+        tint: tint.as_ref(),
+        window: window(arguments),
+        annotate: !arguments.plain,
+        ..SlicePicture::of_ct(&ct)
+    };
+    Ok(write_png(&arguments.output, &picture.draw(&raster)?, Some(plane.pixel_mm))?)
+}
+
+fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<()> {
+    if arguments.labels.is_some() {
+        bail!("--labels goes with a volume; a run brings its own label map");
+    }
+    if arguments.frame == FrameChoice::All {
+        bail!("--frame all: a slice shows one frame; give a number or `last`");
+    }
+    let reader = open(&arguments.source, messages)?;
+    let number = frames(arguments.frame, &reader)?[0];
+    let scene = scene_of(&reader)?;
+    // The run keeps no copy of its volumes: they are read, or made, again.
+    let volumes = inputs::load(&scene.volume).with_context(|| {
+        format!("{}: the volumes of the run are needed again for a slice", arguments.source.display())
+    })?;
+    for (now, then) in volumes.files.iter().zip(&reader.manifest().inputs) {
+        if now.sha256 != then.sha256 {
+            messages.warning(format_args!("{}: has changed since the run was made", now.path.display()));
+        }
+    }
+    let at_rest = if arguments.rest { 0 } else { number };
+    let frame = reader.frame(number)?;
+    let mut mesher = RunMesher::new(reader, &[], DEFAULT_SMOOTHING)?;
+    let meshes = if arguments.no_contour { Vec::new() } else { mesher.frame(at_rest)?.1 };
+    draw_run(arguments, &scene, &volumes.image, &volumes.labels, &meshes, |raster| {
+        (!arguments.rest).then(|| {
+            InverseMap::new(mesher.reader().lattice(), &frame.topology, &frame.displacements_mm).carried(raster)
+        })
+    })
+}
+
+fn draw_run(
+    arguments: &SliceArguments,
+    scene: &Scene,
+    image: &Option<CtVolume>,
+    labels: &Option<LabelVolume>,
+    meshes: &[OrganMesh],
+    carry: impl Fn(&crate::slice::Raster) -> Option<crate::slice::deformed::CarriedRaster>,
+) -> anyhow::Result<()> {
+    let grid = match (image, labels) {
+        (Some(image), _) => image.grid(),
+        (None, Some(labels)) => labels.grid(),
+        (None, None) => bail!("{}: the run has neither image nor labels", arguments.source.display()),
+    };
+    let plane = plane(arguments, grid);
+    let raster = plane.raster(grid)?;
+    let carried = carry(&raster);
+    let colors = scene
+        .organs
+        .iter()
+        .filter_map(|organ| match &organ.voxels {
+            VoxelSelection::Labels(labels) => Some(labels.iter().map(|&label| (label, organ.color))),
+            VoxelSelection::Hu { .. } => None,
+        })
+        .flatten()
+        .collect();
+    let tint = Tint { colors, alpha: arguments.tint };
+    let contours: Vec<(&TriangleMesh, [f32; 3])> = meshes.iter().map(|organ| (&organ.mesh, organ.color)).collect();
+    let picture = SlicePicture {
+        ct: image.as_ref(),
+        labels: labels.as_ref(),
+        window: window(arguments),
+        tint: labels.is_some().then_some(&tint),
+        carried: carried.as_ref(),
+        contours: &contours,
+        annotate: !arguments.plain,
+    };
+    Ok(write_png(&arguments.output, &picture.draw(&raster)?, Some(plane.pixel_mm))?)
+}
+
+fn plane(arguments: &SliceArguments, grid: &Grid) -> SlicePlane {
+    let finest = grid.affine.spacing().into_iter().fold(f64::INFINITY, f64::min);
+    SlicePlane { axis: arguments.axis.into(), at_mm: arguments.at, pixel_mm: arguments.pixel.unwrap_or(0.5 * finest) }
+}
+
+fn window(arguments: &SliceArguments) -> Window {
+    Window { center: arguments.level, width: arguments.window }
+}
+
+/// A colour for every label of a map: evenly spread hues, the same for the same label.
+fn palette(labels: &LabelVolume) -> std::collections::BTreeMap<u16, [f32; 3]> {
+    labels
+        .label_summaries()
+        .iter()
+        .filter(|summary| summary.label != 0)
+        .map(|summary| {
+            // The golden ratio spreads hues of successive labels far apart.
+            let hue = (f64::from(summary.label) * 0.618_033_988_75).fract() * 6.0;
+            let channel = |shift: f64| {
+                let distance = ((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0;
+                (0.15 + 0.7 * distance.clamp(0.0, 1.0)) as f32
+            };
+            (summary.label, [channel(0.0), channel(4.0), channel(2.0)])
+        })
+        .collect()
+}
+
+/// Draws one slice of a run in the demo's manner.
+pub(super) fn of_run_at(
+    run: &Path,
+    output: &Path,
+    axis: super::args::AxisChoice,
+    at: f64,
+    frame: FrameChoice,
+    messages: &Messages,
+) -> anyhow::Result<()> {
+    let arguments = SliceArguments {
+        source: run.to_owned(),
+        output: output.to_owned(),
+        axis,
+        at,
+        pixel: Some(1.0),
+        level: Window::SOFT_TISSUE.center,
+        window: Window::SOFT_TISSUE.width,
+        labels: None,
+        tint: 0.25,
+        frame,
+        rest: false,
+        no_contour: false,
+        plain: false,
+    };
+    of_run(&arguments, messages)
+}
