@@ -77,7 +77,7 @@ struct Piece {
 }
 
 impl<'a> InverseMap<'a> {
-    /// The map of a state: displacements from rest of each particle, RAS+ [m], shape `[particles]`.
+    /// The map of a state: displacements from rest of each particle, RAS+ [mm], shape `[particles]`.
     ///
     /// # Panics
     /// If there is not one displacement per particle.
@@ -153,7 +153,7 @@ impl<'a> InverseMap<'a> {
         let axis = raster.plane.axis.index();
         let rest = corners.map(|corner| lattice.rest_place(corner));
         let place: [Point3; CORNERS] = std::array::from_fn(|corner| {
-            let displacement = self.displacements[corners[corner] as usize].map(|u| 1000.0 * f64::from(u));
+            let displacement = self.displacements[corners[corner] as usize].map(f64::from);
             if deformed { rest[corner] + Vector3::from(displacement) } else { rest[corner] }
         });
         let height = place.map(|place| place[axis] - raster.plane.at_mm);
