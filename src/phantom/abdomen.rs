@@ -66,6 +66,9 @@ pub(super) const SKIN: Tissue = tissue(20.0, label::SKIN);
 /// Air around the body [HU].
 pub(super) const AIR_HU: f64 = -1000.0;
 
+/// Farther from a border than any voxel reaches [mm].
+const DEEP: f64 = 10.0;
+
 /// One seeded patient.
 pub(super) struct Abdomen {
     liver: Liver,
@@ -83,7 +86,10 @@ impl Abdomen {
         let liver = Liver::new(seed);
         let kidneys = [Kidney::new(seed, true), Kidney::new(seed, false)];
         let lobules = Lumps::new(&mut Stream::new(seed, 5), 14.0, 4.0);
-        let organ = |p: Point3| liver_at(&liver, &kidneys[0], p, torso::cavity(p));
+        let organ = |p: Point3| {
+            let around = Around { spine: Spine::at(p), great: viscera::great_vessels(p), kidney: kidneys[0].outer(p) };
+            liver_at(&liver, &around, p, torso::cavity(p))
+        };
         let point = Point3::new;
         let portal = Root {
             start: point(30.0, 8.0, -16.0),
@@ -144,12 +150,18 @@ impl Abdomen {
             return d;
         }
         let cavity = torso::cavity(p);
-        if cavity < 40.0 {
-            let spine = Spine::at(p);
-            (d[8], d[9], d[10], d[11]) = (spine.canal, spine.cancellous, spine.bone, spine.disc);
-            [d[12], d[13]] = bones::ribs(p, cavity);
+        // Innermost first: deep inside the liver nothing but its vessels can show.
+        let around = Around { spine: Spine::at(p), great: viscera::great_vessels(p), kidney: self.kidneys[0].outer(p) };
+        let liver = liver_at(&self.liver, &around, p, cavity);
+        d[0] = if liver < 8.0 { self.vessels.distance(p).max(liver) } else { FAR };
+        d[1] = liver;
+        if liver < -DEEP {
+            return d;
         }
-        let beneath = if cavity < 8.0 { self.organs(p, cavity, &mut d) } else { FAR };
+        let spine = &around.spine;
+        (d[8], d[9], d[10], d[11]) = (spine.canal, spine.cancellous, spine.bone, spine.disc);
+        [d[12], d[13]] = bones::ribs(p, cavity);
+        let beneath = if cavity < 8.0 { self.organs(p, cavity, &around, &mut d) } else { FAR };
         let lung = if cavity < 8.0 { torso::lung(p, cavity, beneath) } else { FAR };
         d[25] = lung;
         d[26] = torso::muscle(p, cavity, lung);
@@ -157,15 +169,12 @@ impl Abdomen {
     }
 
     /// Fills the layers inside the cavity; returns the distance to all that lungs give way to.
-    fn organs(&self, p: Point3, cavity: f64, d: &mut Layers) -> f64 {
-        let liver = liver_at(&self.liver, &self.kidneys[0], p, cavity);
-        d[0] = if liver < 8.0 { self.vessels.distance(p).max(liver) } else { FAR };
-        d[1] = liver;
+    fn organs(&self, p: Point3, cavity: f64, around: &Around, d: &mut Layers) -> f64 {
         d[2] = self.liver.gallbladder(p);
         let [right, left] = [self.kidneys[0].parts(p), self.kidneys[1].parts(p)];
         d[3] = right.sinus.min(left.sinus);
         (d[4], d[5], d[6], d[7]) = (right.medulla, right.outer, left.medulla, left.outer);
-        [d[14], d[15]] = viscera::great_vessels(p);
+        [d[14], d[15]] = around.great;
         d[16] = viscera::spleen(p, cavity, left.outer);
         d[17] = viscera::pancreas(p, &self.lobules);
         let solid = d[1].min(d[2]).min(d[5]).min(d[7]).min(d[14]).min(d[15]).min(d[16]).min(d[17]);
@@ -178,14 +187,22 @@ impl Abdomen {
     }
 }
 
-/// The liver gives way to the right kidney, the spine and the great vessels.
-fn liver_at(liver: &Liver, kidney: &Kidney, p: Point3, cavity: f64) -> f64 {
+/// What the liver gives way to.
+struct Around {
+    spine: Spine,
+    /// Aorta and vena cava.
+    great: [f64; 2],
+    /// Right kidney.
+    kidney: f64,
+}
+
+/// Distance to the liver among its neighbours.
+fn liver_at(liver: &Liver, around: &Around, p: Point3, cavity: f64) -> f64 {
     if cavity > 8.0 || p.x < -76.0 {
         return FAR;
     }
-    let [aorta, cava] = viscera::great_vessels(p);
-    let spine = Spine::at(p);
+    let (spine, [aorta, cava]) = (&around.spine, around.great);
     // The vena cava lies in a groove of the liver; everything else keeps its fat.
-    let clear = kidney.outer(p).min(viscera::renal_bed(p)).min(aorta).min(spine.bone).min(spine.disc).min(cava + 5.0);
+    let clear = around.kidney.min(viscera::renal_bed(p)).min(aorta).min(spine.bone).min(spine.disc).min(cava + 5.0);
     liver.distance(p, cavity, clear)
 }

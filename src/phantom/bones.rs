@@ -29,7 +29,7 @@ impl Spine {
 
     /// All four at a place.
     pub(super) fn at(p: Point3) -> Self {
-        if p.x.abs() > 50.0 || p.y > -10.0 || p.y < -112.0 {
+        if p.x.abs() > 58.0 || p.y > -6.0 || p.y < -112.0 {
             return Self::NONE;
         }
         // A gentle kyphosis: the bodies' centre line bows backwards in the middle.

@@ -161,7 +161,7 @@ const AIR_MARGIN: f64 = 6.0;
 
 /// The abdomen at a voxel spacing [mm].
 ///
-/// The grid is symmetric about the origin, which is a voxel centre at every spacing. Takes about 0.3 s at 3 mm on two
+/// The grid is symmetric about the origin, which is a voxel centre at every spacing. Takes about 0.6 s at 3 mm on two
 /// cores, and time and memory (6 bytes per voxel) grow with the number of voxels: 119 million at 0.5 mm.
 ///
 /// # Errors

@@ -470,6 +470,19 @@ fn severed_springs_of_another_lattice_are_refused() {
         let text = error.to_string();
         assert!(text.contains(&bad.particle.to_string()) && text.contains(&bad.direction.to_string()), "{text}");
     }
+    // The same from a run: the lists of one with the lattice of another.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let block = self::lattice([6, 5, 4]);
+    drop(write(&path, &block));
+    let copy = springs(&block, 1)[0];
+    let doubled: Vec<u8> = fs::read(path.join("arrays.zarr/severed/particle/c.0")).unwrap();
+    fs::write(path.join("arrays.zarr/severed/direction/c.0"), doubled).unwrap();
+    let error = RunReader::open(&path).unwrap().frame(3).unwrap_err();
+    assert!(matches!(error, ReadRunError::Damaged { .. }), "{error}: a chunk of another type of number");
+    let source = Topology::replay(&block, &[copy, copy]).unwrap_err();
+    let text = ReadRunError::BadSevered { path: path.clone(), source }.to_string();
+    assert!(text.contains("run") && text.contains("severed spring 1"), "{text}");
     // The neighbour loses the same spring.
     let topology = Topology::replay(&lattice, &[spring]).unwrap();
     let other = lattice.neighbour(spring.particle, usize::from(spring.direction)).unwrap();
