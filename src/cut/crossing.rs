@@ -67,6 +67,9 @@ impl Bounds {
 /// counts to its positive side, so it keeps the springs of one side) and the crossing point lies in the piece. Blocks that
 /// are far from the sweep are only asked for their bounds. A spring crossed by several pieces is reported once, by the
 /// first.
+///
+/// # Panics
+/// Never: a living spring has two ends.
 pub fn crossings(
     lattice: &Lattice,
     layout: &BlockLayout,

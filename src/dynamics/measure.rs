@@ -25,6 +25,9 @@ pub struct Balance {
 }
 
 /// Energy and momentum of a world now.
+///
+/// # Panics
+/// Never: a living spring has two ends.
 pub fn balance(world: &World) -> Balance {
     let lattice = world.lattice();
     let zero = Balance { kinetic: 0.0, elastic: 0.0, momentum: Vector3::zeros(), angular_momentum: Vector3::zeros() };

@@ -22,6 +22,9 @@ pub fn halo_row(y: isize, z: isize) -> usize {
 ///
 /// - `field`: block order, see [`crate::lattice::layout::BlockLayout`].
 /// - `neighbours`: the 27 blocks around, itself at 13.
+///
+/// # Panics
+/// Never: the buffer has as many rows as are copied.
 pub fn gather(field: &[f32], neighbours: &[u32; 27], halo: &mut Halo) {
     let row_of = |block: u32, y: usize, z: usize| -> Option<&[f32]> {
         (block != NO_BLOCK).then(|| {

@@ -11,6 +11,9 @@ use crate::material::Assembly;
 /// - `dt` [s]: the damper compares the present length of a spring with that one step earlier, `|d - dt w|` with `w` the
 ///   difference of the ends' velocities.
 ///
+/// # Panics
+/// Never: a living spring has two ends.
+///
 /// # Source
 /// Hattori and Kaneko, "3-D model of soft organs": spring `-k (l - L) u`, damper `-d (l - l') u` with `d = c / dt`.
 pub fn spring_forces(

@@ -40,7 +40,7 @@ pub enum InputError {
         /// The label map.
         labels: PathBuf,
         /// How they differ.
-        source: GridMismatch,
+        source: Box<GridMismatch>,
     },
     /// A file that was just read cannot be read again for its checksum.
     #[error("{}: could not compute its checksum", path.display())]
@@ -91,7 +91,7 @@ pub fn load(source: &VolumeSource) -> Result<Inputs, InputError> {
                 check_same_grid(image.grid(), labels.grid()).map_err(|source| InputError::Grid {
                     image: image_path.clone().unwrap_or_default(),
                     labels: labels_path.clone().unwrap_or_default(),
-                    source,
+                    source: Box::new(source),
                 })?;
             }
             Ok(Inputs { image, labels, replaced_voxels, files })

@@ -109,6 +109,9 @@ impl RunMesher {
     ///
     /// # Errors
     /// If the frame cannot be read.
+    ///
+    /// # Panics
+    /// Never: surfaces are extracted before they are used.
     pub fn frame(&mut self, number: usize) -> Result<(f64, Vec<OrganMesh>), MeshRunError> {
         let frame = self.reader.frame(number)?;
         let severed = frame.topology.severed().len();

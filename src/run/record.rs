@@ -48,7 +48,7 @@ impl Recorder {
             inputs: inputs.files.clone(),
             model: scene.lattice.model,
             dt_s: schedule.dt,
-            steps_per_frame: schedule.steps / schedule.frames,
+            steps: schedule.steps,
         };
         let lattice = &prepared.lattice;
         let hu = inputs.image.as_ref().map(|image| hu_at_points(lattice, image));

@@ -94,8 +94,8 @@ pub struct Manifest {
     pub springs: u64,
     /// Time step [s].
     pub dt_s: f64,
-    /// Steps from one frame to the next.
-    pub steps_per_frame: u64,
+    /// Steps of the whole run.
+    pub steps: u64,
     /// How far it got.
     pub status: Status,
     /// Frames written.

@@ -28,8 +28,8 @@ pub struct RunHeader {
     pub model: Model,
     /// Time step [s].
     pub dt_s: f64,
-    /// Steps from one frame to the next.
-    pub steps_per_frame: u64,
+    /// Steps of the whole run.
+    pub steps: u64,
 }
 
 /// Values of an extra array, x fastest as everything else.
@@ -331,7 +331,7 @@ fn first_manifest(header: &RunHeader, lattice: &Lattice) -> Manifest {
         particles: lattice.len() as u64,
         springs: lattice.spring_count() as u64,
         dt_s: header.dt_s,
-        steps_per_frame: header.steps_per_frame,
+        steps: header.steps,
         status: Status::Running,
         frames: 0,
     }

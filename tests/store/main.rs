@@ -60,7 +60,7 @@ fn header() -> RunHeader {
         inputs: vec![InputFile { path: "ct.nii.gz".into(), bytes: 12, sha256: "00ff".into() }],
         model: Model::Tissue,
         dt_s: 1e-4,
-        steps_per_frame: 25,
+        steps: 25,
     }
 }
 
