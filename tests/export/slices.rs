@@ -160,7 +160,7 @@ fn check_affine(turn: Matrix3, linear: Matrix3, shift: Vector3, tolerance_mm: f6
     let displacements: Vec<[f32; 3]> = (0..lattice.len() as u32)
         .map(|particle| {
             let rest = lattice.rest_place(particle);
-            ((moved(rest) - rest) / 1000.0).map(|u| u as f32).into()
+            (moved(rest) - rest).map(|u| u as f32).into()
         })
         .collect();
     let back = linear.try_inverse().unwrap();
@@ -214,7 +214,7 @@ fn a_cut_opens_and_the_place_left_is_empty() {
             }
         }
     }
-    let pulled = |particle: u32| if column(particle) > 3 { [4e-3, 0.0, 0.0] } else { [0.0; 3] };
+    let pulled = |particle: u32| if column(particle) > 3 { [4.0, 0.0, 0.0] } else { [0.0; 3] };
     let displacements: Vec<[f32; 3]> = (0..lattice.len() as u32).map(pulled).collect();
     let raster = raster_around(&lattice, SliceAxis::Z, 0.3);
     let map = InverseMap::new(&lattice, &topology, &displacements);
@@ -272,7 +272,7 @@ fn collapsed_and_absurd_states_do_not_panic() {
     let lattice = block(Matrix3::identity(), GridShape::new(4, 4, 4));
     let topology = Topology::new(&lattice);
     let raster = raster_around(&lattice, SliceAxis::Y, 0.0);
-    let flat: Vec<[f32; 3]> = (0..64).map(|p| [0.0, (-lattice.rest_place(p).y / 1000.0) as f32, 0.0]).collect();
+    let flat: Vec<[f32; 3]> = (0..64).map(|p| [0.0, -lattice.rest_place(p).y as f32, 0.0]).collect();
     for displacements in [flat, vec![[f32::NAN; 3]; 64], vec![[1e30, -1e30, 1e30]; 64]] {
         let carried = InverseMap::new(&lattice, &topology, &displacements).carried(&raster);
         assert_eq!(carried.pixels().len(), raster.len());
