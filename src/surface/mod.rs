@@ -8,6 +8,7 @@
 //! ```
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
 
+mod blade;
 pub mod check;
 mod embed;
 mod extract;
