@@ -7,8 +7,8 @@
 
 use rayon::prelude::*;
 
+use super::junction::LIP_SHIFT;
 use super::marching_cubes::sweep::CLEARANCE;
-use super::seam::LIP_SHIFT;
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::{Lattice, SeveredSpring, neighbours};
 
@@ -56,7 +56,28 @@ impl Blades {
         places.par_sort_unstable_by_key(|place| (place.0, place.1));
         let groups: Vec<&[(u32, u8, f32)]> = places.chunk_by(|a, b| a.0 == b.0).collect();
         let planes = groups.par_iter().filter_map(|group| Some((group[0].0, plane_through(group)?))).collect();
-        Self { edges, planes }
+        let own = Self { edges, planes };
+        let planes = groups
+            .par_iter()
+            .filter_map(|group| {
+                let particle = group[0].0;
+                let plane = own.plane(particle).copied().or_else(|| own.borrowed(lattice, group))?;
+                Some((particle, plane))
+            })
+            .collect();
+        Self { planes, ..own }
+    }
+
+    /// For a particle with too few severed springs: the plane of one it was severed from, where that fits its own places too.
+    fn borrowed(&self, lattice: &Lattice, places: &[(u32, u8, f32)]) -> Option<BladePlane> {
+        places.iter().find_map(|&(particle, direction, _)| {
+            let other = lattice.neighbour(particle, usize::from(direction))?;
+            let BladePlane { normal, offset } = *self.plane(other)?;
+            let offset =
+                offset + normal.dot(&Vector3::from(neighbours::OFFSETS[usize::from(direction)].map(f64::from)));
+            let fits = |place: &(u32, u8, f32)| (normal.dot(&place_of(place)) - offset).abs() < MISFIT;
+            places.iter().all(fits).then_some(BladePlane { normal, offset })
+        })
     }
 
     /// Where the blade crossed the edge from a particle up along an axis, as a fraction from that particle.
@@ -91,13 +112,14 @@ impl Blades {
     }
 }
 
+/// Severed place relative to its particle [pitches].
+fn place_of(&(_, direction, at): &(u32, u8, f32)) -> Vector3 {
+    Vector3::from(neighbours::OFFSETS[usize::from(direction)].map(f64::from)) * f64::from(at)
+}
+
 /// The plane of least squared distance through the severed places of one particle.
 fn plane_through(places: &[(u32, u8, f32)]) -> Option<BladePlane> {
-    let points = || {
-        places.iter().map(|&(_, direction, at)| {
-            Vector3::from(neighbours::OFFSETS[usize::from(direction)].map(f64::from)) * f64::from(at)
-        })
-    };
+    let points = || places.iter().map(place_of);
     let count = places.len() as f64;
     if places.len() < 3 {
         return None;

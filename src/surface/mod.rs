@@ -14,6 +14,7 @@ mod embed;
 mod extract;
 pub mod field;
 mod gradient;
+mod junction;
 mod marching_cubes;
 pub mod mesh;
 mod normals;

@@ -12,6 +12,7 @@
 use rayon::prelude::*;
 
 use super::blade::Blades;
+use super::junction::{Beyond, FrontPlace, LIP_SHIFT, RimPlace, front_place, rim_at};
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::cell::{Cell, Patch};
 use super::marching_cubes::cube::{EDGES, RINGS, corner_offset};
@@ -19,14 +20,6 @@ use super::marching_cubes::face::{Between, Face};
 use super::marching_cubes::sweep::{CLEARANCE, crossing_at};
 use crate::geometry::GridShape;
 use crate::lattice::{Lattice, Topology, neighbours};
-
-/// How far each lip of a cut stands back from the blade, as a fraction of its spring. At rest the two lips would otherwise
-/// coincide, and readers that weld vertices by place would close the cut.
-pub(crate) const LIP_SHIFT: f32 = 0.001;
-
-/// Where a crack front lies behind its edge, as a fraction of the face: by the number of dead diagonals, since the blade
-/// has passed each diagonal it severed.
-const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
 
 /// An edge whose ends a cut has parted.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,28 +38,6 @@ pub(crate) struct SeamEdge {
     pub(crate) rims: Vec<RimPlace>,
     front_slots: u8,
     rim_slots: u8,
-}
-
-/// A crack front as a combination of the corners of its face that hold together.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FrontPlace {
-    /// Particles; one of weight zero where only three hold together.
-    pub(crate) particles: [u32; 4],
-    /// Weights, not negative, of sum 1.
-    pub(crate) weights: [f32; 4],
-}
-
-/// A rim in the coordinates of its corner: along the cut edge, then along the edge to the outside.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct RimPlace {
-    /// End of the seam edge it belongs to: 0 lower, 1 upper.
-    pub(crate) end: u8,
-    /// Axis of the edge to the outside, and whether the outside lies upward.
-    pub(crate) skin_axis: u8,
-    /// True when the outside end is the upper one.
-    pub(crate) skin_upward: bool,
-    /// Fractions of the cut edge and of the edge to the outside, from the corner.
-    pub(crate) at: [f32; 2],
 }
 
 impl SeamEdge {
@@ -465,57 +436,4 @@ fn ring_edge_at(mut low: [i64; 3], normal: usize, ring_edge: usize) -> ([i64; 3]
         }
         _ => (low, c as u8),
     }
-}
-
-/// A crack front behind ring edge `m`, the blade at the fraction `at` of it from ring corner `m`.
-fn front_place(face: Face, particles: [Option<u32>; 4], m: usize, at: f32) -> FrontPlace {
-    let component = face.components();
-    let joined = |corner: usize| component[corner % 4] == component[m];
-    let alone = face.inside == 0b1111 && face.cut.count_ones() == 1;
-    // Elsewhere in this face another crack or the skin may come close: within the triangle of the edge and the middle
-    // of the face none of them can cross the way from the edge to the front.
-    let (depth, margin) = if alone {
-        (FRONT_DEPTH[2 - (face.diagonals & 0b11).count_ones() as usize], 0.1)
-    } else {
-        (FRONT_DEPTH[0], FRONT_DEPTH[0] + 0.05)
-    };
-    let u = at.clamp(margin, 1.0 - margin);
-    // Weights of the ring corners m, m + 1, m + 2, m + 3, at (0, 0), (1, 0), (1, 1), (0, 1).
-    let weights = match (joined(m + 2), joined(m + 3)) {
-        (true, true) => [(1.0 - u) * (1.0 - depth), u * (1.0 - depth), u * depth, (1.0 - u) * depth],
-        (true, false) => [1.0 - u, u - depth, depth, 0.0],
-        _ => [1.0 - u - depth, u, 0.0, depth],
-    };
-    let own = particles[m].unwrap_or(0);
-    FrontPlace { particles: [0, 1, 2, 3].map(|step| particles[(m + step) % 4].unwrap_or(own)), weights }
-}
-
-/// What a rim must not run into at the corner opposite its own.
-enum Beyond {
-    /// That corner is outside.
-    Nothing,
-    /// Tissue with contours of its own round that corner.
-    Corner,
-    /// A sheet from the other lip to the edge facing the cut edge, which it meets at this fraction from the rim's side.
-    Sheet(f32),
-}
-
-/// Place of a rim, as fractions of the cut edge and of the edge to the outside from their corner: where blade and skin would meet,
-/// drawn back towards the straight way between lip and skin as far as needed to stay clear of what lies beyond.
-fn rim_at(lips: [f32; 2], end: u8, skin: f32, slope: f32, beyond: Beyond) -> [f32; 2] {
-    let (lip, other) = (lips[usize::from(end)], 1.0 - lips[usize::from(end ^ 1)]);
-    let blade = lips[0] + LIP_SHIFT + slope * skin;
-    let blade = blade.clamp(CLEARANCE + LIP_SHIFT, 1.0 - CLEARANCE - LIP_SHIFT);
-    let meeting = if end == 0 { blade } else { 1.0 - blade } - LIP_SHIFT;
-    // A line the rim stays on the near side of: through (from, 0) and (to, 1).
-    let (from, to) = match beyond {
-        Beyond::Nothing => return [meeting, skin],
-        Beyond::Corner => (1.0, 0.0),
-        Beyond::Sheet(to) => (other, to),
-    };
-    let distance = |x: f32, y: f32| x - (from + y * (to - from));
-    let (middle, full) = (distance(lip / 2.0, skin / 2.0), distance(meeting, skin));
-    let reach = if full <= middle / 2.0 { 1.0 } else { (-middle / 2.0) / (full - middle) };
-    let reach = reach.clamp(0.0, 1.0);
-    [lip / 2.0 + reach * (meeting - lip / 2.0), skin * (0.5 + 0.5 * reach)]
 }
