@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::SurfaceError;
+use super::blade::Blades;
 use super::embed::{Carrier, Embedding, Front, Rim, Vertex};
 use super::gradient::Gradients;
 use super::marching_cubes::bits::InsideBits;
@@ -40,9 +41,10 @@ impl Surface {
             return Err(SurfaceError::FieldLength { found: field.len(), expected: shape.len(), shape });
         }
         let bits = InsideBits::new(shape, field, Some(&lattice.particle_at));
-        let seam = Seam::find(lattice, topology, &bits, field);
+        let blades = Blades::new(lattice, topology.severed());
+        let seam = Seam::find(lattice, topology, &blades, &bits, field);
         let numbering = Numbering::new(&bits, &seam)?;
-        let crossings = Crossings { lattice, alive: topology.alive() };
+        let crossings = Crossings { lattice, alive: topology.alive(), blades: &blades };
         let vertices = sweep::crossing_values(&bits, field, &numbering, |crossing| crossings.vertex(crossing));
         let drawn = sweep::triangles(&bits, &seam, &numbering, lattice.grid.affine.determinant() < 0.0)?;
         let mut embedding = Embedding { vertices, ..Embedding::default() };
@@ -143,6 +145,7 @@ impl Surface {
 struct Crossings<'a> {
     lattice: &'a Lattice,
     alive: &'a [u32],
+    blades: &'a Blades,
 }
 
 /// Gradients are numbered once all vertices are known.
@@ -153,8 +156,11 @@ impl Crossings<'_> {
         let mut inside = crossing.low.map(|i| i as i64 - 1);
         inside[crossing.axis] += i64::from(!crossing.upward);
         let particle = self.particle(inside).unwrap_or(0);
-        let carrier = self.carrier(particle, inside, crossing.axis, crossing.upward, crossing.t);
-        let step = signed(crossing.t, crossing.upward);
+        let whole = self.alive[particle as usize] == self.lattice.springs[particle as usize];
+        let t =
+            if whole { crossing.t } else { self.blades.limit(particle, crossing.axis, crossing.upward, crossing.t) };
+        let carrier = self.carrier(particle, inside, crossing.axis, crossing.upward, t);
+        let step = signed(t, crossing.upward);
         Vertex {
             rest: self.place(inside, &[(crossing.axis, step)]),
             carrier,

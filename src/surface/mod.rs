@@ -8,11 +8,13 @@
 //! ```
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
 
+mod blade;
 pub mod check;
 mod embed;
 mod extract;
 pub mod field;
 mod gradient;
+mod junction;
 mod marching_cubes;
 pub mod mesh;
 mod normals;

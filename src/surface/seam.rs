@@ -11,21 +11,15 @@
 
 use rayon::prelude::*;
 
+use super::blade::Blades;
+use super::junction::{Beyond, FrontPlace, LIP_SHIFT, RimPlace, front_place, rim_at};
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::cell::{Cell, Patch};
 use super::marching_cubes::cube::{EDGES, RINGS, corner_offset};
 use super::marching_cubes::face::{Between, Face};
 use super::marching_cubes::sweep::{CLEARANCE, crossing_at};
 use crate::geometry::GridShape;
-use crate::lattice::{Lattice, SeveredSpring, Topology, neighbours};
-
-/// How far each lip of a cut stands back from the blade, as a fraction of its spring. At rest the two lips would otherwise
-/// coincide, and readers that weld vertices by place would close the cut.
-pub(crate) const LIP_SHIFT: f32 = 0.001;
-
-/// Where a crack front lies behind its edge, as a fraction of the face: by the number of dead diagonals, since the blade
-/// has passed each diagonal it severed.
-const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
+use crate::lattice::{Lattice, Topology, neighbours};
 
 /// An edge whose ends a cut has parted.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,28 +38,6 @@ pub(crate) struct SeamEdge {
     pub(crate) rims: Vec<RimPlace>,
     front_slots: u8,
     rim_slots: u8,
-}
-
-/// A crack front as a combination of the corners of its face that hold together.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FrontPlace {
-    /// Particles; one of weight zero where only three hold together.
-    pub(crate) particles: [u32; 4],
-    /// Weights, not negative, of sum 1.
-    pub(crate) weights: [f32; 4],
-}
-
-/// A rim in the coordinates of its corner: along the cut edge, then along the edge to the outside.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct RimPlace {
-    /// End of the seam edge it belongs to: 0 lower, 1 upper.
-    pub(crate) end: u8,
-    /// Axis of the edge to the outside, and whether the outside lies upward.
-    pub(crate) skin_axis: u8,
-    /// True when the outside end is the upper one.
-    pub(crate) skin_upward: bool,
-    /// Fractions of the cut edge and of the edge to the outside, from the corner.
-    pub(crate) at: [f32; 2],
 }
 
 impl SeamEdge {
@@ -124,8 +96,14 @@ impl Seam {
     }
 
     /// Finds what the dead springs between inside points change.
-    pub(crate) fn find(lattice: &Lattice, topology: &Topology, bits: &InsideBits, values: &[f32]) -> Self {
-        let tissue = Tissue { lattice, alive: topology.alive(), bits };
+    pub(crate) fn find(
+        lattice: &Lattice,
+        topology: &Topology,
+        blades: &Blades,
+        bits: &InsideBits,
+        values: &[f32],
+    ) -> Self {
+        let tissue = Tissue { lattice, alive: topology.alive(), bits, blades };
         let dead = tissue.dead_springs();
         if dead.is_empty() {
             return Self::none();
@@ -137,8 +115,7 @@ impl Seam {
                 .map(|spring| edge_key(shape, spring.low, spring.axis()))
                 .collect(),
         );
-        let blade = blade_places(lattice, topology.severed(), shape);
-        let edges: Vec<SeamEdge> = keys.par_iter().map(|&key| tissue.seam_edge(key, &keys, &blade, values)).collect();
+        let edges: Vec<SeamEdge> = keys.par_iter().map(|&key| tissue.seam_edge(key, &keys, values)).collect();
         debug_assert!(edges.iter().zip(&keys).all(|(edge, &key)| edge.key(shape) == key));
         let cell_keys = sorted(dead.par_iter().flat_map_iter(|spring| spring.cells(shape)).collect());
         let cells = cell_keys.par_iter().map(|&key| tissue.seam_cell(key, &keys)).collect();
@@ -189,21 +166,6 @@ fn edge_key(shape: GridShape, low: [i64; 3], axis: u8) -> u64 {
     3 * point_key(shape, low) + u64::from(axis)
 }
 
-/// Where the blade crossed each severed edge, from its lower end; ascending by edge.
-fn blade_places(lattice: &Lattice, severed: &[SeveredSpring], shape: GridShape) -> Vec<(u64, f32)> {
-    let mut places: Vec<(u64, f32)> = severed
-        .iter()
-        .filter(|spring| neighbours::family(usize::from(spring.direction)) == 1)
-        .map(|spring| {
-            let offset = neighbours::OFFSETS[usize::from(spring.direction)];
-            let axis = offset.iter().position(|&o| o != 0).unwrap_or(0) as u8;
-            (edge_key(shape, lattice.ijk(spring.particle).map(|i| i as i64 + 1), axis), spring.at)
-        })
-        .collect();
-    places.sort_by_key(|place| place.0);
-    places
-}
-
 /// A dead spring between two inside points, from its lower end.
 struct DeadSpring {
     low: [i64; 3],
@@ -242,6 +204,7 @@ struct Tissue<'a> {
     lattice: &'a Lattice,
     alive: &'a [u32],
     bits: &'a InsideBits,
+    blades: &'a Blades,
 }
 
 /// Particles per task when all particles are searched.
@@ -320,18 +283,18 @@ impl Tissue<'_> {
         })
     }
 
-    fn seam_edge(&self, key: u64, keys: &[u64], blade: &[(u64, f32)], values: &[f32]) -> SeamEdge {
+    fn seam_edge(&self, key: u64, keys: &[u64], values: &[f32]) -> SeamEdge {
         let (low, axis) = (point_of_key(self.bits.shape, key / 3), (key % 3) as u8);
         let mut high = low;
         high[usize::from(axis)] += 1;
         // Springs that were never there (two organs that do not hold together) part half-way.
-        let at = blade.binary_search_by_key(&key, |place| place.0).map_or(0.5, |place| blade[place].1);
-        let at = if at.is_finite() { at } else { 0.5 };
+        let ends = [low, high].map(|end| self.at(end).unwrap_or(0));
+        let at = self.blades.on_edge(ends[0], axis).unwrap_or(0.5);
         let at = at.clamp(CLEARANCE + LIP_SHIFT, 1.0 - CLEARANCE - LIP_SHIFT);
         let mut edge = SeamEdge {
             low: low.map(|i| i as u32),
             axis,
-            ends: [low, high].map(|end| self.at(end).unwrap_or(0)),
+            ends,
             lips: [at - LIP_SHIFT, 1.0 - at - LIP_SHIFT],
             fronts: Vec::new(),
             rims: Vec::new(),
@@ -368,7 +331,9 @@ impl Tissue<'_> {
                     let (start, skin_axis) = ring_edge_at(low, normal, usize::from(skin.edge));
                     let skin = self.skin_fraction(start, skin_axis, values);
                     let beyond = self.beyond(face, low, normal, lip.corner, m, values);
-                    let at = rim_at(edge.lips, end, skin.0, beyond);
+                    let upward_slope = self.blades.slope(edge.ends, edge.axis.into(), skin_axis.into());
+                    let slope = if skin.1 { upward_slope } else { -upward_slope };
+                    let at = rim_at(edge.lips, end, skin.0, slope, beyond);
                     rims[usize::from(end)] = Some(RimPlace { end, skin_axis, skin_upward: skin.1, at });
                 }
                 _ => {}
@@ -383,7 +348,10 @@ impl Tissue<'_> {
     /// Fraction of a crossed edge from its inside end, and whether the outside lies upward.
     fn skin_fraction(&self, low: [i64; 3], axis: u8, values: &[f32]) -> (f32, bool) {
         let crossing = crossing_at(self.bits, values, low.map(|i| i as usize), usize::from(axis));
-        (crossing.t, crossing.upward)
+        let mut inside = low;
+        inside[usize::from(axis)] += i64::from(!crossing.upward);
+        let limited = |particle| self.blades.limit(particle, usize::from(axis), crossing.upward, crossing.t);
+        (self.at(inside).map_or(crossing.t, limited), crossing.upward)
     }
 
     /// What stands opposite a rim's corner.
@@ -468,53 +436,4 @@ fn ring_edge_at(mut low: [i64; 3], normal: usize, ring_edge: usize) -> ([i64; 3]
         }
         _ => (low, c as u8),
     }
-}
-
-/// A crack front behind ring edge `m`, the blade at the fraction `at` of it from ring corner `m`.
-fn front_place(face: Face, particles: [Option<u32>; 4], m: usize, at: f32) -> FrontPlace {
-    let component = face.components();
-    let joined = |corner: usize| component[corner % 4] == component[m];
-    let alone = face.inside == 0b1111 && face.cut.count_ones() == 1;
-    // Elsewhere in this face another crack or the skin may come close: within the triangle of the edge and the middle
-    // of the face none of them can cross the way from the edge to the front.
-    let (depth, margin) = if alone {
-        (FRONT_DEPTH[2 - (face.diagonals & 0b11).count_ones() as usize], 0.1)
-    } else {
-        (FRONT_DEPTH[0], FRONT_DEPTH[0] + 0.05)
-    };
-    let u = at.clamp(margin, 1.0 - margin);
-    // Weights of the ring corners m, m + 1, m + 2, m + 3, at (0, 0), (1, 0), (1, 1), (0, 1).
-    let weights = match (joined(m + 2), joined(m + 3)) {
-        (true, true) => [(1.0 - u) * (1.0 - depth), u * (1.0 - depth), u * depth, (1.0 - u) * depth],
-        (true, false) => [1.0 - u, u - depth, depth, 0.0],
-        _ => [1.0 - u - depth, u, 0.0, depth],
-    };
-    let own = particles[m].unwrap_or(0);
-    FrontPlace { particles: [0, 1, 2, 3].map(|step| particles[(m + step) % 4].unwrap_or(own)), weights }
-}
-
-/// What a rim must not run into at the corner opposite its own.
-enum Beyond {
-    /// That corner is outside.
-    Nothing,
-    /// Tissue with contours of its own round that corner.
-    Corner,
-    /// A sheet from the other lip to the edge facing the cut edge, which it meets at this fraction from the rim's side.
-    Sheet(f32),
-}
-
-/// Place of a rim, as fractions of the cut edge and of the edge to the outside from their corner: where blade and skin would meet,
-/// drawn back towards the straight way between lip and skin as far as needed to stay clear of what lies beyond.
-fn rim_at(lips: [f32; 2], end: u8, skin: f32, beyond: Beyond) -> [f32; 2] {
-    let (lip, other) = (lips[usize::from(end)], 1.0 - lips[usize::from(end ^ 1)]);
-    // A line the rim stays on the near side of: through (from, 0) and (to, 1).
-    let (from, to) = match beyond {
-        Beyond::Nothing => return [lip, skin],
-        Beyond::Corner => (1.0, 0.0),
-        Beyond::Sheet(to) => (other, to),
-    };
-    let distance = |x: f32, y: f32| x - (from + y * (to - from));
-    let (middle, full) = (distance(lip / 2.0, skin / 2.0), distance(lip, skin));
-    let reach = if full <= middle / 2.0 { 1.0 } else { (-middle / 2.0) / (full - middle) };
-    [lip, skin].map(|c| c * (0.5 + 0.5 * reach.clamp(0.0, 1.0)))
 }

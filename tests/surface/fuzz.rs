@@ -54,4 +54,6 @@ fn random_severed_lattices_give_closed_manifolds() {
     eprintln!("{TRIALS} lattices, {} springs severed, {} triangles", sum(|t| t.0), sum(|t| t.1));
     eprintln!("{} of them change when vertices are welded by place", sum(|t| t.2));
     assert!(sum(|t| t.0) > 300_000 && sum(|t| t.1) > 700_000);
+    // Not promised for springs severed at random, only for blades (see `cuts`), but it should stay rare.
+    assert!(sum(|t| t.2) <= TRIALS as usize / 100);
 }
