@@ -285,7 +285,7 @@ fn the_thread_count_changes_nothing() {
     let topology = Topology::new(&lattice);
     // Tissue folded over itself: several cells claim the same pixels.
     let displacements: Vec<[f32; 3]> =
-        (0..lattice.len() as u32).map(|p| [(-1.5 * lattice.rest_place(p).x / 1000.0) as f32, 1e-3, 0.0]).collect();
+        (0..lattice.len() as u32).map(|p| [(-1.5 * lattice.rest_place(p).x) as f32, 1.0, 0.0]).collect();
     let raster = raster_around(&lattice, SliceAxis::Z, 0.0);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
