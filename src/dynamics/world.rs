@@ -44,6 +44,12 @@ pub enum StepError {
     },
 }
 
+/// Where the particles of a world were at some moment.
+#[derive(Debug, Clone)]
+pub struct Moment {
+    displacement: [Vec<f32>; 3],
+}
+
 /// A lattice in motion.
 ///
 /// State is f32, in lattice axes and SI units; positions are kept as displacements from rest, which resolves strains of
@@ -326,16 +332,35 @@ impl World {
         }
     }
 
-    /// Sweeps a blade through the lattice where it is now and severs every spring it crosses; returns how many.
+    /// Where every particle is now, for a later [`World::cut_since`].
+    pub fn moment(&self) -> Moment {
+        Moment { displacement: self.displacement.clone() }
+    }
+
+    /// Sweeps a blade through the lattice as it stands now and severs every spring the edge passes through; returns how
+    /// many.
     pub fn cut(&mut self, sweep: &Sweep) -> usize {
+        let found = self.crossings(&self.displacement, sweep);
+        self.sever(found)
+    }
+
+    /// The same while the particles moved, along straight lines, from where they were to where they are now.
+    pub fn cut_since(&mut self, before: &Moment, sweep: &Sweep) -> usize {
+        let found = self.crossings(&before.displacement, sweep);
+        self.sever(found)
+    }
+
+    fn crossings(&self, before: &[Vec<f32>; 3], sweep: &Sweep) -> Vec<SeveredSpring> {
         let time = self.time();
-        let found = crossings(&self.lattice, &self.layout, &self.topology, &self.displacement, sweep);
-        self.sever(found.into_iter().map(|crossing| SeveredSpring {
-            particle: crossing.particle,
-            direction: crossing.direction,
-            at: crossing.at,
-            time,
-        }))
+        crossings(&self.lattice, &self.layout, &self.topology, before, &self.displacement, sweep)
+            .into_iter()
+            .map(|crossing| SeveredSpring {
+                particle: crossing.particle,
+                direction: crossing.direction,
+                at: crossing.at,
+                time,
+            })
+            .collect()
     }
 
     /// Severs the given springs; returns how many of them were alive.
