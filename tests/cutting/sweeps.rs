@@ -96,23 +96,22 @@ fn one_big_sweep_is_a_thousand_small_ones() {
     let mut random = Random::new(6);
     for (name, rest) in lattices() {
         let h = rest.lattice().pitch;
-        for round in 0..2 {
-            let mut whole = rest.clone();
-            shake(&mut whole, 0.3 * f64::from(round), 0.0, 7);
-            let centre = Vector3::new(5.0, 4.0, 4.0) * h;
-            let edge = polyline(&mut random, centre, 12.0 * h);
-            let path = polyline(&mut random, Vector3::zeros(), 12.0 * h);
-            let blade = blade(&edge, &path);
-            let mut pieces = whole.clone();
-            cut_all(&mut whole, &blade);
-            let length = blade.path_length();
-            let sum: usize = (0..1000)
-                .map(|i| pieces.cut(&blade.sweep(length * f64::from(i) / 1e3, length * f64::from(i + 1) / 1e3)))
-                .sum();
-            assert_eq!(severed(&whole), severed(&pieces), "{name}");
-            assert_eq!(sum, severed(&pieces).len(), "{name}: nothing is severed twice");
-            assert_eq!(cut_all(&mut whole, &blade), 0, "{name}: cutting again finds nothing");
-        }
+        let deformation = if name.contains("blob") { 0.3 } else { 0.0 };
+        let mut whole = rest.clone();
+        shake(&mut whole, deformation, 0.0, 7);
+        let centre = Vector3::new(5.0, 4.0, 4.0) * h;
+        let edge = polyline(&mut random, centre, 12.0 * h);
+        let path = polyline(&mut random, Vector3::zeros(), 12.0 * h);
+        let blade = blade(&edge, &path);
+        let mut pieces = whole.clone();
+        cut_all(&mut whole, &blade);
+        let length = blade.path_length();
+        let sum: usize = (0..1000)
+            .map(|i| pieces.cut(&blade.sweep(length * f64::from(i) / 1e3, length * f64::from(i + 1) / 1e3)))
+            .sum();
+        assert_eq!(severed(&whole), severed(&pieces), "{name}");
+        assert_eq!(sum, severed(&pieces).len(), "{name}: nothing is severed twice");
+        assert_eq!(cut_all(&mut whole, &blade), 0, "{name}: cutting again finds nothing");
     }
 }
 
@@ -122,6 +121,7 @@ fn one_big_sweep_is_a_thousand_small_ones() {
 fn a_blade_through_particles_leaves_them_the_springs_of_one_side() {
     let rest = world(paper_lattice(&block([10, 10, 10]), &[Some(PAPER)]));
     let h = rest.lattice().pitch;
+    let places = rest_places(&rest);
     let on = Vector3::new(5.0, 5.0, 5.0) * h;
     let planes = [
         (Vector3::x(), Vector3::y()),
@@ -150,7 +150,7 @@ fn a_blade_through_particles_leaves_them_the_springs_of_one_side() {
             assert_eq!(cut_all(&mut world, &back), 0, "{side:?}, {stroke:?}: the way back severs nothing");
             let mut on_plane = 0;
             for particle in particles(&world) {
-                let place = rest_places(&world)[particle as usize] - on;
+                let place = places[particle as usize] - on;
                 if normal.dot(&place).abs() > 1e-9 * h {
                     continue;
                 }
@@ -173,7 +173,7 @@ fn a_blade_through_particles_leaves_them_the_springs_of_one_side() {
             assert!(on_plane >= 10, "{on_plane}");
             let lost = before.iter().filter(|&&(p, d)| {
                 let towards = normal.dot(&Vector3::from(OFFSETS[d].map(f64::from)));
-                let place = normal.dot(&(rest_places(&world)[p as usize] - on));
+                let place = normal.dot(&(places[p as usize] - on));
                 place.abs() > 1e-9 * h && (place + towards * h).abs() > 1e-9 * h && place * (place + towards * h) > 0.0
             });
             assert_eq!(lost.count(), 0, "springs that do not reach the plane stay");
