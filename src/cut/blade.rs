@@ -10,22 +10,24 @@ pub struct Blade {
     path: Vec<(f64, Vector3)>,
 }
 
-/// A flat piece of swept surface: the points `origin + a side + b stroke` with a, b in 0..=1.
+/// A piece of edge on its way along a straight piece of path: the points `origin + a side + b stroke` with a, b in 0..=1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parallelogram {
-    /// A corner.
+pub struct Piece {
+    /// One end of the piece of edge when it sets out.
     pub origin: Point3,
-    /// Along the edge.
+    /// From there to its other end.
     pub side: Vector3,
-    /// Along the path.
+    /// How far it is carried.
     pub stroke: Vector3,
+    /// Shares of the sweep's time at which it sets out and arrives.
+    pub during: [f64; 2],
 }
 
-/// The surface swept in one step, in the frame of the lattice [m]: x, y, z along its axes from its first grid point.
+/// What the edge does in one go, in the frame of the lattice [m]: x, y, z along its axes from its first grid point.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Sweep {
-    /// Its flat pieces.
-    pub pieces: Vec<Parallelogram>,
+    /// Its pieces, in the order of time.
+    pub pieces: Vec<Piece>,
 }
 
 impl Blade {
@@ -49,28 +51,40 @@ impl Blade {
         self.path[self.path.len() - 1].0
     }
 
-    /// What the edge sweeps while it moves from `from` to `to`, both as lengths of path.
+    /// What the edge does while it moves at constant speed from `from` to `to`, both as lengths of path. An edge that
+    /// stays where it is (`to` not beyond `from`) still is an edge that tissue can move through.
     pub fn sweep(&self, from: f64, to: f64) -> Sweep {
         let mut pieces = Vec::new();
-        for leg in self.path.windows(2) {
-            let ((start, a), (end, b)) = (leg[0], leg[1]);
-            let (low, high) = (from.max(start), to.min(end));
-            if low >= high {
-                continue;
+        let mut carry = |first: Vector3, stroke: Vector3, during: [f64; 2]| {
+            for ends in self.edge.windows(2).filter(|ends| ends[0] != ends[1]) {
+                pieces.push(Piece { origin: ends[0] + first, side: ends[1] - ends[0], stroke, during });
             }
-            let direction = (b - a) / (end - start);
-            let first = a + direction * (low - start);
-            let stroke = direction * (high - low);
-            for ends in self.edge.windows(2) {
-                let side = ends[1] - ends[0];
-                // A piece of edge that slides along itself sweeps no surface.
-                if side.cross(&stroke).norm() > 1e-9 * side.norm() * stroke.norm() {
-                    pieces.push(Parallelogram { origin: ends[0] + first, side, stroke });
-                }
+        };
+        if to <= from {
+            carry(self.offset(from), Vector3::zeros(), [0.0, 1.0]);
+            return Sweep { pieces };
+        }
+        for leg in self.path.windows(2) {
+            let (low, high) = (from.max(leg[0].0), to.min(leg[1].0));
+            if low < high {
+                let first = on_leg(leg, low);
+                carry(first, on_leg(leg, high) - first, [low, high].map(|at| (at - from) / (to - from)));
             }
         }
         Sweep { pieces }
     }
+
+    /// Offset of the edge at a length of path.
+    fn offset(&self, at: f64) -> Vector3 {
+        let leg = self.path.windows(2).find(|leg| leg[0].0 < leg[1].0 && at <= leg[1].0);
+        leg.map_or(self.path[self.path.len() - 1].1, |leg| on_leg(leg, at))
+    }
+}
+
+/// Offset at a length of path on a leg whose length is not 0.
+fn on_leg(leg: &[(f64, Vector3)], at: f64) -> Vector3 {
+    let ((start, a), (end, b)) = (leg[0], leg[1]);
+    a + (b - a) * ((at - start) / (end - start)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
@@ -92,12 +106,15 @@ mod tests {
         assert_eq!(sweep.pieces[0].stroke, Vector3::new(1.0, 0.0, 0.0));
         assert_eq!(sweep.pieces[2].origin, Point3::new(2.0, 0.0, 0.0));
         assert_eq!(sweep.pieces[2].stroke, Vector3::new(0.0, 1.0, 0.0));
+        assert_eq!(sweep.pieces[0].during, [0.0, 0.5]);
+        assert_eq!(sweep.pieces[3].during, [0.5, 1.0]);
     }
 
     #[test]
-    fn an_edge_that_slides_along_itself_sweeps_nothing() {
-        let edge = vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0)];
-        let blade = Blade::new(edge, &[Vector3::zeros(), Vector3::new(5.0, 0.0, 0.0)]);
-        assert!(blade.sweep(0.0, 5.0).pieces.is_empty());
+    fn an_edge_that_stays_is_still_there() {
+        let sweep = blade().sweep(2.5, 2.5);
+        assert_eq!(sweep.pieces.len(), 2);
+        assert_eq!(sweep.pieces[0].origin, Point3::new(2.0, 0.5, 0.0));
+        assert_eq!(sweep.pieces[0].stroke, Vector3::zeros());
     }
 }

@@ -1,16 +1,22 @@
-//! Which springs a swept surface crosses.
+//! Which springs the edge of a blade passes through.
 
 use rayon::prelude::*;
 
-use super::blade::{Parallelogram, Sweep};
-use crate::geometry::{Point3, Vector3};
+use super::blade::{Piece, Sweep};
+use crate::geometry::Vector3;
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout, NO_BLOCK};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS};
 use crate::lattice::{Lattice, Topology};
 
-/// How far outside a piece, relative to its size, still counts as inside: neighbouring pieces share their borders, and a
-/// spring through a border must not slip between them by rounding.
-const BORDER: f64 = 1e-9;
+/// How far beside its place a piece of edge is tested [pitches]: a particle exactly in the plane of a cut then has a side,
+/// the same for all its springs, whatever rounding does. Far above rounding (1e-10 for volumes 10 km away), far below
+/// anything that is seen.
+const BESIDE: f64 = 1e-6;
+/// How far a piece reaches beyond its ends and its way [pitches]: pieces moved aside by [`BESIDE`] in different
+/// directions still overlap where edge or path bends, up to bends of 150 degrees.
+const BEYOND: f64 = 4e-6;
+/// Directions have a positive side by their product with this one, which is not in any plane of simple numbers.
+const POSITIVE: Vector3 = Vector3::new(1.0, std::f64::consts::SQRT_2, 1.732_050_807_568_877_2);
 
 /// A living spring that a blade goes through.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,26 +53,25 @@ impl Bounds {
         (0..3).all(|axis| self.min[axis] <= other.max[axis] && other.min[axis] <= self.max[axis])
     }
 
-    fn of(piece: &Parallelogram) -> Self {
+    fn of(piece: &Piece, margin: f64) -> Self {
         let mut bounds = Self::EMPTY;
         let corner = piece.origin.coords;
         for point in [corner, corner + piece.side, corner + piece.stroke, corner + piece.side + piece.stroke] {
             bounds.include(point);
         }
-        // Room for the border tolerance.
-        let margin = 1e-6 * (bounds.max - bounds.min).norm();
         Self { min: bounds.min.add_scalar(-margin), max: bounds.max.add_scalar(margin) }
     }
 }
 
-/// Finds every living spring that the sweep crosses at the particles' present places, in order of particle and direction.
+/// Finds every living spring that the edge passes through while the particles move along straight lines from where they
+/// were to where they are, in order of particle and direction.
 ///
-/// - `displacement` x, y, z [m]: block order, lattice axes.
+/// - `before`, `now`: displacement x, y, z [m] when the sweep begins and ends: block order, lattice axes. The same twice
+///   for tissue that stands still.
 ///
-/// A spring crosses a piece when its ends lie on different sides of the piece's plane (a particle exactly on the plane
-/// counts to its positive side, so it keeps the springs of one side) and the crossing point lies in the piece. Blocks that
-/// are far from the sweep are only asked for their bounds. A spring crossed by several pieces is reported once, by the
-/// first.
+/// A particle exactly in the plane of a cut keeps the springs of one side: it counts to the side on which a normal of the
+/// plane has a positive product with (1, sqrt 2, sqrt 3), whichever way the blade goes. Blocks that are far from the sweep
+/// are only asked for their bounds. A spring passed several times is reported once, by the first piece.
 ///
 /// # Panics
 /// Never: a living spring has two ends.
@@ -74,25 +79,30 @@ pub fn crossings(
     lattice: &Lattice,
     layout: &BlockLayout,
     topology: &Topology,
-    displacement: &[Vec<f32>; 3],
+    before: &[Vec<f32>; 3],
+    now: &[Vec<f32>; 3],
     sweep: &Sweep,
 ) -> Vec<Crossing> {
     if sweep.pieces.is_empty() {
         return Vec::new();
     }
-    let place = |particle: u32| {
+    let way = |particle: u32| {
         let slot = layout.slot[particle as usize] as usize;
-        let ijk = lattice.ijk(particle);
-        Point3::from([0, 1, 2].map(|axis| ijk[axis] as f64 * lattice.pitch + f64::from(displacement[axis][slot])))
+        let rest = Vector3::from(lattice.ijk(particle).map(|n| n as f64)) * lattice.pitch;
+        [before, now].map(|moment| rest + Vector3::from([0, 1, 2].map(|axis| f64::from(moment[axis][slot]))))
     };
     let particles_of = |block: usize| {
         (block * BLOCK_LEN..(block + 1) * BLOCK_LEN).filter_map(move |slot| layout.particle_of_slot(lattice, slot))
     };
     let bounds: Vec<Bounds> = (0..layout.blocks.len())
         .into_par_iter()
-        .map(|block| block_bounds(lattice, layout, displacement, block))
+        .map(|block| {
+            let at = |moment| block_bounds(lattice, layout, moment, block);
+            at(before).joined(at(now))
+        })
         .collect();
-    let pieces: Vec<(Bounds, &Parallelogram)> = sweep.pieces.iter().map(|piece| (Bounds::of(piece), piece)).collect();
+    let margin = 2.0 * BEYOND * lattice.pitch;
+    let pieces: Vec<(Bounds, &Piece)> = sweep.pieces.iter().map(|piece| (Bounds::of(piece, margin), piece)).collect();
 
     let mut found: Vec<Crossing> = (0..layout.blocks.len())
         .into_par_iter()
@@ -102,7 +112,7 @@ pub fn crossings(
                 .iter()
                 .filter(|&&neighbour| neighbour != NO_BLOCK)
                 .fold(Bounds::EMPTY, |reach, &neighbour| reach.joined(bounds[neighbour as usize]));
-            let near: Vec<&Parallelogram> =
+            let near: Vec<&Piece> =
                 pieces.iter().filter(|(piece, _)| piece.meets(&reach)).map(|&(_, piece)| piece).collect();
             let mut found = Vec::new();
             if near.is_empty() {
@@ -110,11 +120,11 @@ pub fn crossings(
             }
             for particle in particles_of(block) {
                 let alive = topology.alive()[particle as usize];
-                let start = place(particle);
+                let start = way(particle);
                 for direction in (FIRST_FORWARD..NEIGHBOURS).filter(|d| alive >> d & 1 == 1) {
-                    let other = lattice.neighbour(particle, direction).expect("a living spring has two ends");
-                    let end = place(other);
-                    if let Some(at) = near.iter().find_map(|piece| piece.crossed_by(start, end)) {
+                    let Some(other) = lattice.neighbour(particle, direction) else { continue };
+                    let end = way(other);
+                    if let Some(at) = near.iter().find_map(|piece| piece.passes(start, end, lattice.pitch)) {
                         found.push(Crossing { particle, direction: direction as u8, at: at as f32 });
                     }
                 }
@@ -140,50 +150,130 @@ fn block_bounds(lattice: &Lattice, layout: &BlockLayout, displacement: &[Vec<f32
     bounds
 }
 
-impl Parallelogram {
-    /// Where the segment from `start` to `end` goes through the piece: 0 at `start`, 1 at `end`.
-    pub fn crossed_by(&self, start: Point3, end: Point3) -> Option<f64> {
-        let normal = self.side.cross(&self.stroke);
-        let (above, below) = (normal.dot(&(start - self.origin)), normal.dot(&(end - self.origin)));
-        if (above >= 0.0) == (below >= 0.0) {
+impl Piece {
+    /// Where the piece of edge passes through a spring whose ends move: 0 at `a`, 1 at `b`.
+    ///
+    /// - `a`, `b` [m]: places of the ends when the sweep begins and ends; `pitch` [m] sets the size of a border.
+    ///
+    /// Seen along the edge, the edge is a point and the spring a segment; the point lies on the segment's line when their
+    /// triangle has no area. Both ends move linearly, so the area is quadratic in time.
+    fn passes(&self, a: [Vector3; 2], b: [Vector3; 2], pitch: f64) -> Option<f64> {
+        let [start, end] = self.during;
+        let foot = self.origin.coords - self.positive_normal() * (BESIDE * pitch);
+        // Relative to the edge: places when it sets out, and how they move until it arrives.
+        let place = |p: [Vector3; 2]| p[0] + (p[1] - p[0]) * start - foot;
+        let motion = |p: [Vector3; 2]| (p[1] - p[0]) * (end - start) - self.stroke;
+        let (place_a, place_b, motion_a, motion_b) = (place(a), place(b), motion(a), motion(b));
+
+        let length = self.side.norm();
+        let along = self.side / length;
+        let across = |v: Vector3| v - along * along.dot(&v);
+        let speed = across(motion_a).norm().max(across(motion_b).norm());
+        let beyond = BEYOND * pitch;
+        if speed < 1e-6 * beyond {
             return None;
         }
-        let at = above / (above - below);
-        let hit = start + (end - start) * at - self.origin;
-        // Coordinates of the hit along side and stroke.
-        let scale = normal.norm_squared();
-        let a = hit.cross(&self.stroke).dot(&normal) / scale;
-        let b = self.side.cross(&hit).dot(&normal) / scale;
-        let inside = |x: f64| (-BORDER..=1.0 + BORDER).contains(&x);
-        (inside(a) && inside(b)).then_some(at)
+        let area = |a: &Vector3, b: &Vector3| along.dot(&a.cross(b));
+        let times = roots(
+            area(&motion_a, &motion_b),
+            area(&place_a, &motion_b) + area(&motion_a, &place_b),
+            area(&place_a, &place_b),
+        );
+        times.into_iter().filter(|time| (-beyond / speed..=1.0 + beyond / speed).contains(time)).find_map(|time| {
+            let (a, b) = (place_a + motion_a * time, place_b + motion_b * time);
+            let spring = across(b - a);
+            // A spring along the edge has no inside to pass through.
+            if spring.norm_squared() <= 1e-18 * (b - a).norm_squared() {
+                return None;
+            }
+            let at = -a.dot(&spring) / spring.norm_squared();
+            let height = along.dot(&(a + (b - a) * at));
+            ((0.0..=1.0).contains(&at) && (-beyond..=length + beyond).contains(&height)).then_some(at)
+        })
     }
+
+    /// Unit normal of the swept plane towards its positive side; 0 for a piece that slides along itself or stays.
+    fn positive_normal(&self) -> Vector3 {
+        let normal = self.side.cross(&self.stroke);
+        if normal.norm() <= 1e-9 * self.side.norm() * self.stroke.norm() {
+            return Vector3::zeros();
+        }
+        normal.normalize() * normal.dot(&POSITIVE).signum()
+    }
+}
+
+/// Real roots of `a t^2 + b t + c`, ascending; NaN or infinite where there is none.
+fn roots(a: f64, b: f64, c: f64) -> [f64; 2] {
+    // The sum that does not cancel; NaN for a negative discriminant.
+    let q = -0.5 * (b + (b * b - 4.0 * a * c).sqrt().copysign(b));
+    let (first, second) = (q / a, c / q);
+    if first <= second { [first, second] } else { [second, first] }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Point3;
 
-    const PIECE: Parallelogram = Parallelogram {
+    const PIECE: Piece = Piece {
         origin: Point3::new(0.0, 0.0, 0.0),
         side: Vector3::new(2.0, 0.0, 0.0),
         stroke: Vector3::new(1.0, 3.0, 0.0),
+        during: [0.0, 1.0],
     };
+
+    fn passes(piece: Piece, a: Vector3, b: Vector3) -> Option<f64> {
+        piece.passes([a; 2], [b; 2], 1.0)
+    }
 
     #[test]
     fn crossings_are_found_inside_only() {
-        let through = |x: f64, y: f64| PIECE.crossed_by(Point3::new(x, y, -1.0), Point3::new(x, y, 3.0));
-        assert_eq!(through(1.0, 1.0), Some(0.25));
-        assert_eq!(through(2.9, 3.0), Some(0.25));
+        let through = |x: f64, y: f64| passes(PIECE, Vector3::new(x, y, -1.0), Vector3::new(x, y, 3.0));
+        for (x, y) in [(1.0, 1.0), (2.9, 3.0)] {
+            assert!((through(x, y).unwrap() - 0.25).abs() < 1e-6);
+        }
         assert_eq!(through(0.1, 1.0), None);
         assert_eq!(through(1.0, 3.1), None);
         assert_eq!(through(1.0, -0.1), None);
     }
 
     #[test]
-    fn a_particle_on_the_plane_keeps_the_springs_of_one_side() {
-        let on = Point3::new(1.0, 1.0, 0.0);
-        assert_eq!(PIECE.crossed_by(on, Point3::new(1.0, 1.0, 1.0)), None);
-        assert_eq!(PIECE.crossed_by(on, Point3::new(1.0, 1.0, -1.0)), Some(0.0));
-        assert_eq!(PIECE.crossed_by(Point3::new(1.0, 1.0, -1.0), on), Some(1.0));
+    fn a_particle_on_the_plane_keeps_the_springs_of_its_positive_side() {
+        let on = Vector3::new(1.0, 1.0, 0.0);
+        for piece in [PIECE, Piece { side: -PIECE.side, origin: Point3::new(2.0, 0.0, 0.0), ..PIECE }] {
+            assert_eq!(passes(piece, on, Vector3::new(1.0, 1.0, 1.0)), None);
+            assert!(passes(piece, on, Vector3::new(1.0, 1.0, -1.0)).unwrap() < 2e-6);
+            assert!(passes(piece, Vector3::new(1.0, 1.0, -1.0), on).unwrap() > 1.0 - 2e-6);
+        }
+    }
+
+    #[test]
+    fn only_relative_motion_counts() {
+        let moved = |a: Vector3, by: Vector3| [a, a + by];
+        let (a, b) = (Vector3::new(1.0, 1.0, -1.0), Vector3::new(1.0, 1.0, 1.0));
+        let away = PIECE.stroke;
+        assert_eq!(PIECE.passes(moved(a, away), moved(b, away), 1.0), None, "the tissue runs ahead of the blade");
+        let still = Piece { stroke: Vector3::zeros(), ..PIECE };
+        assert_eq!(passes(still, a, b), None);
+        assert_eq!(still.passes(moved(a, -away), moved(b, -away), 1.0), Some(0.5), "a still blade in moving tissue");
+        let sliding = Piece { stroke: 0.1 * PIECE.side, ..PIECE };
+        assert_eq!(passes(sliding, a, b), None);
+        assert!(sliding.passes(moved(a, -away), moved(b, -away), 1.0).is_some());
+        // One end stands, the other swings over.
+        let swing =
+            still.passes([a - away, a - away], [Vector3::new(0.0, -2.0, 1.0), Vector3::new(2.0, 9.0, 1.0)], 1.0);
+        assert!(swing.is_some());
+    }
+
+    #[test]
+    fn roots_survive_every_degenerate_case() {
+        assert_eq!(roots(1.0, -3.0, 2.0), [1.0, 2.0]);
+        assert_eq!(roots(-1.0, 3.0, -2.0), [1.0, 2.0]);
+        assert!(roots(0.0, 2.0, -1.0).contains(&0.5));
+        assert!(roots(1e-30, -2.0, 1.0).contains(&0.5));
+        assert!(roots(1.0, 0.0, 1.0).iter().all(|t| t.is_nan()));
+        assert!(roots(0.0, 0.0, 0.0).iter().all(|t| t.is_nan()));
+        assert!(roots(0.0, 0.0, 1.0).iter().all(|t| !t.is_finite()));
+        assert!(roots(1.0, 0.0, -4.0).iter().all(|t| t.abs() == 2.0));
     }
 }

@@ -1,12 +1,13 @@
-//! Cutting: the edge of a blade is swept along a path, and every spring the swept surface crosses is severed.
+//! Cutting: the edge of a blade is carried along a path, and every spring it passes through is severed.
 //!
-//! Springs are tested where they are now, not where they were at rest. The swept surface of a step is kept as flat
-//! parallelograms, one for each piece of the edge and of the path, so a blade that crosses many pitches in one step misses
-//! nothing; it also reaches a little behind the edge, so that tissue moving towards the blade cannot slip past it between
-//! two steps.
+//! Only the relative motion counts: a spring is severed when the edge passes through it, whether the blade moves, the
+//! tissue, or both. Particles move along straight lines between two tests and the edge along straight pieces of its
+//! path, so the moment at which edge and spring meet solves a quadratic equation: nothing is sampled, and neither a blade
+//! that crosses many pitches at once nor tissue that is flung through a still blade slips past. The sides of a blade
+//! behind its edge are not modelled: they neither cut nor push.
 
 mod blade;
 mod crossing;
 
-pub use blade::{Blade, Sweep};
+pub use blade::{Blade, Piece, Sweep};
 pub use crossing::{Crossing, crossings};

@@ -2,6 +2,7 @@
 
 use super::world::World;
 use crate::geometry::Vector3;
+use crate::lattice::layout::BLOCK_LEN;
 
 /// A hold, grab or force of a [`World`], to change or release it later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -23,26 +24,36 @@ pub(super) enum Drive {
 /// How many holds and grabs act on each slot.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Claims {
-    pub(super) holds: u8,
-    pub(super) grabs: u8,
+    pub(super) holds: u16,
+    pub(super) grabs: u16,
 }
 
 impl World {
-    /// Holds particles where they are until released. A particle that is both held and grabbed stays.
+    /// Holds particles where they are until released. A particle that is both held and grabbed stays; when the hold ends,
+    /// the grab takes it to its place in one step.
+    ///
+    /// # Panics
+    /// If a particle is held more than 65 535 times at once.
     pub fn hold(&mut self, particles: &[u32]) -> Handle {
         let slots = self.slots_of(particles);
         for &slot in &slots {
-            self.claims[slot as usize].holds += 1;
+            let holds = &mut self.claims[slot as usize].holds;
+            *holds = holds.checked_add(1).expect("fewer than 65 536 holds");
             self.refresh(slot);
         }
         self.add(Drive::Hold { slots })
     }
 
-    /// Grabs particles: they keep their shape and follow [`World::move_grab`] until released.
+    /// Grabs particles: they keep their shape and follow [`World::move_grab`] until released. Of two grabs of a particle
+    /// the later one moves it.
+    ///
+    /// # Panics
+    /// If a particle is grabbed more than 65 535 times at once.
     pub fn grab(&mut self, particles: &[u32]) -> Handle {
         let slots = self.slots_of(particles);
         for &slot in &slots {
-            self.claims[slot as usize].grabs += 1;
+            let grabs = &mut self.claims[slot as usize].grabs;
+            *grabs = grabs.checked_add(1).expect("fewer than 65 536 grabs");
             self.refresh(slot);
         }
         let start = slots.iter().map(|&slot| [0, 1, 2].map(|axis| self.displacement[axis][slot as usize])).collect();
@@ -80,7 +91,7 @@ impl World {
         }
     }
 
-    /// Ends a hold, grab or force. The particles go on from their present place and velocity.
+    /// Ends a hold, grab or force. The particles go on from their present place and velocity; rigid organs stop.
     pub fn release(&mut self, handle: Handle) {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
             Drive::Hold { slots } => {
@@ -109,37 +120,49 @@ impl World {
     }
 
     /// Sets velocities so that the drift of this step brings grabs to their places, and adds the forces.
-    pub(super) fn apply_drives(&mut self) {
+    ///
+    /// `fastest` is the largest squared speed of each block, raised by what is driven.
+    pub(super) fn apply_drives(&mut self, fastest: &mut [f32]) {
         let dt = self.dt();
-        for drive in &self.drives {
+        let Self { drives, claims, velocity, displacement, dt_over_mass, .. } = self;
+        for drive in drives {
             match drive {
                 Drive::Hold { .. } | Drive::Released => {}
                 Drive::Grab { slots, start, offset } => {
                     for (&slot, start) in slots.iter().zip(start) {
                         let slot = slot as usize;
-                        if self.claims[slot].holds > 0 {
+                        if claims[slot].holds > 0 {
                             continue;
                         }
                         for axis in 0..3 {
                             let target = f64::from(start[axis]) + offset[axis];
-                            let gap = target - f64::from(self.displacement[axis][slot]);
-                            self.velocity[axis][slot] = (gap / dt) as f32;
+                            let gap = target - f64::from(displacement[axis][slot]);
+                            velocity[axis][slot] = (gap / dt) as f32;
                         }
+                        raise(fastest, slot, velocity);
                     }
                 }
                 Drive::Force { slots, force, mass } => {
                     // Shared by mass, so every particle is accelerated alike.
-                    let kick = force * (dt / mass.max(f64::MIN_POSITIVE));
-                    for &slot in slots {
+                    let kick = *force * (dt / mass.max(f64::MIN_POSITIVE));
+                    for &slot in slots.iter() {
                         let slot = slot as usize;
-                        if self.dt_over_mass[slot] > 0.0 {
+                        if dt_over_mass[slot] > 0.0 {
                             for axis in 0..3 {
-                                self.velocity[axis][slot] += kick[axis] as f32;
+                                velocity[axis][slot] += kick[axis] as f32;
                             }
+                            raise(fastest, slot, velocity);
                         }
                     }
                 }
             }
         }
     }
+}
+
+/// Raises the largest squared speed of a slot's block; a speed that is not finite counts as infinite.
+fn raise(fastest: &mut [f32], slot: usize, velocity: &[Vec<f32>; 3]) {
+    let squared: f32 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
+    let block = &mut fastest[slot / BLOCK_LEN];
+    *block = block.max(if squared < f32::MAX { squared } else { f32::INFINITY });
 }

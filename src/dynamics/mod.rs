@@ -11,4 +11,4 @@ pub mod timeline;
 mod world;
 
 pub use drive::Handle;
-pub use world::{StepError, World};
+pub use world::{Moment, StepError, World};

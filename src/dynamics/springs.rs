@@ -82,7 +82,12 @@ impl BlockSprings {
         }
     }
 
-    /// Share of blocks that take the fast body, for reports.
+    /// Living springs of a block's slots, one bit per direction.
+    pub(super) fn alive(&self, block: usize) -> &[u32; BLOCK_LEN] {
+        block_of(&self.alive, block)
+    }
+
+    /// Number of blocks that take the fast body, for reports.
     pub(super) fn alike_blocks(&self) -> usize {
         self.kind.iter().filter(|kind| matches!(kind, BlockKind::Alike { .. })).count()
     }

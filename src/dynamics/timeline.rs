@@ -1,13 +1,17 @@
 //! A scene's operations, applied to a world as their time comes.
+//!
+//! What an operation does in a step is decided before the step: a grab is told where to be at its end, and the edge of a
+//! blade is already where it is to be at its end, so it runs one step ahead of the tissue it meets.
 
 use super::drive::Handle;
-use super::world::World;
+use super::world::{Moment, World};
 use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::Lattice;
 use crate::scene::resolved::{Action, Operation};
 
-/// The blade is tested against the springs before edge and tissue together have moved further than this [pitches].
+/// The blade is tested against the springs as soon as edge and tissue together may have moved this far [pitches]. In
+/// between, the ways of the particles are taken as straight. A run that ends within a cut leaves the rest untested.
 const TEST_INTERVAL: f64 = 0.125;
 
 /// Why an operation cannot be applied to a lattice.
@@ -81,8 +85,10 @@ struct Cutting {
     blade: Blade,
     /// Length of path already tested [m].
     tested: f64,
+    /// Where the tissue was at the last test; `None` before the first.
+    before: Option<Moment>,
     /// How far any tissue may have moved since the last test [m].
-    slack: f64,
+    moved: f64,
     severed: usize,
 }
 
@@ -153,7 +159,8 @@ impl Entry {
                 Action::Cut { blade, path } => State::Cutting(Cutting {
                     blade: blade_in_lattice(world.lattice(), blade, path),
                     tested: 0.0,
-                    slack: 0.0,
+                    before: None,
+                    moved: 0.0,
                     severed: 0,
                 }),
             };
@@ -174,10 +181,11 @@ impl Entry {
                 world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));
             }
             (State::Cutting(cutting), _) => {
-                let share = ((now + dt - from) / (until - from)).clamp(0.0, 1.0);
-                let ended = due(until - dt);
-                cutting.advance(world, if ended { 1.0 } else { share }, ended);
-                if ended {
+                // The edge arrives a step before the end, and waits for the tissue of that step.
+                let arrived = due(until - dt);
+                let share = if arrived { 1.0 } else { ((now + dt - from) / (until - from)).clamp(0.0, 1.0) };
+                cutting.advance(world, share, arrived);
+                if due(until) {
                     report(What::Severed(cutting.severed));
                     self.state = State::Done;
                 }
@@ -188,18 +196,24 @@ impl Entry {
 }
 
 impl Cutting {
-    /// Moves the edge to a share of its path and severs what it crossed since the last test.
-    fn advance(&mut self, world: &mut World, share: f64, ended: bool) {
+    /// Moves the edge to a share of its path and severs what it passed through since the last test.
+    fn advance(&mut self, world: &mut World, share: f64, arrived: bool) {
         let reached = share * self.blade.path_length();
-        self.slack += world.longest_move();
-        if !ended && reached - self.tested + self.slack < TEST_INTERVAL * world.lattice().pitch {
-            return;
-        }
-        // Tissue may have moved over the edge in the meantime, so the surface just behind it is tested once more.
-        let sweep = self.blade.sweep(self.tested - 2.0 * self.slack, reached);
-        self.severed += world.cut(&sweep);
+        let sweep = |tested: f64| self.blade.sweep(tested, reached);
+        self.severed += match &self.before {
+            // The edge takes its lead over tissue that has not moved yet.
+            None => world.cut(&sweep(0.0)),
+            Some(before) => {
+                self.moved += world.longest_move();
+                if !arrived && reached - self.tested + self.moved < TEST_INTERVAL * world.lattice().pitch {
+                    return;
+                }
+                world.cut_since(before, &sweep(self.tested))
+            }
+        };
         self.tested = reached;
-        self.slack = 0.0;
+        self.before = Some(world.moment());
+        self.moved = 0.0;
     }
 }
 

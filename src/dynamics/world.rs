@@ -8,22 +8,23 @@ use crate::cut::{Sweep, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
 use crate::kernel::halo::gather;
 use crate::kernel::rows::StepConstants;
-use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
-use crate::lattice::neighbours::opposite;
+use crate::lattice::layout::{BLOCK_LEN, BlockLayout, NO_BLOCK};
+use crate::lattice::neighbours::{NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::Assembly;
 
-/// A particle that moves further than this in one step outruns every wave the lattice can carry [pitches].
-const LONGEST_MOVE: f64 = 1.0;
+/// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
+const LONGEST_MOVE: f64 = 2.0;
 
 /// Why a step could not be finished. The state before it has been handed out; nothing of the bad one is.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// A velocity became NaN or infinite, or too large for the step to mean anything.
+    /// A velocity became NaN or infinite, or two joined particles part too fast for the step to mean anything. How fast
+    /// a body moves as a whole does not matter.
     #[error(
-        "the state diverged at t = {time:.6} s (step {step}) near ({:.1}, {:.1}, {:.1}) mm: speed {speed:.3e} m/s, \
-         that is {moves:.2e} pitches in a step of {dt:.3e} s; {cause}",
+        "the state diverged at t = {time:.6} s (step {step}) near ({:.1}, {:.1}, {:.1}) mm: neighbours part at \
+         {speed:.3e} m/s, that is {moves:.2e} pitches in a step of {dt:.3e} s; {cause}",
         place.x, place.y, place.z
     )]
     Diverged {
@@ -33,7 +34,7 @@ pub enum StepError {
         step: u64,
         /// Rest place of the particle, RAS+ [mm].
         place: Point3,
-        /// Its speed [m/s]; infinite when the velocity is not a number.
+        /// Its speed relative to a particle it is joined to [m/s]; infinite when the velocity is not a number.
         speed: f64,
         /// The same in pitches per step.
         moves: f64,
@@ -42,6 +43,12 @@ pub enum StepError {
         /// What is likely to have gone wrong, and what to do.
         cause: String,
     },
+}
+
+/// Where the particles of a world were at some moment.
+#[derive(Debug, Clone)]
+pub struct Moment {
+    displacement: [Vec<f32>; 3],
 }
 
 /// A lattice in motion.
@@ -223,12 +230,13 @@ impl World {
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
     ///
     /// # Errors
-    /// If a velocity is not finite or outruns the lattice; places are left as they were before the step.
+    /// If a velocity is not finite or outruns the lattice; places are left as they were before the step, velocities are
+    /// not.
     pub fn step(&mut self) -> Result<(), StepError> {
-        let fastest = self.kick();
+        let mut fastest = self.kick();
+        self.apply_drives(&mut fastest);
         self.check(&fastest)?;
         self.fastest_squared = fastest.iter().copied().fold(0.0, f32::max);
-        self.apply_drives();
         self.drift();
         self.steps += 1;
         Ok(())
@@ -272,21 +280,29 @@ impl World {
         fastest
     }
 
-    /// Nearly free: one number per block.
+    /// Nearly free while everything is slow: one number per block. Otherwise fast blocks are looked at more closely.
     fn check(&self, fastest: &[f32]) -> Result<(), StepError> {
         let limit = LONGEST_MOVE * self.lattice.pitch / self.dt;
-        let Some(block) = fastest.iter().position(|&squared| f64::from(squared).sqrt() > limit) else {
+        // Two particles slower than half the limit cannot part faster than the limit.
+        let fast = |squared: f32| f64::from(squared).sqrt() > 0.5 * limit;
+        if !fastest.iter().any(|&squared| fast(squared)) {
             return Ok(());
-        };
-        let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
-        let speed_of = |slot: usize| {
-            let squared: f64 = self.velocity.iter().map(|v| f64::from(v[slot]).powi(2)).sum();
-            if squared.is_finite() { squared.sqrt() } else { f64::INFINITY }
-        };
-        let worst = slots
-            .filter_map(|slot| Some((speed_of(slot), self.layout.particle_of_slot(&self.lattice, slot)?)))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        let (speed, particle) = worst.expect("a block holds particles");
+        }
+        let spans: Vec<VelocitySpan> =
+            (0..fastest.len()).into_par_iter().map(|block| self.velocity_span(block)).collect();
+        let parting = (0..fastest.len()).into_par_iter().find_map_first(|block| {
+            if !fast(fastest[block]) {
+                return None;
+            }
+            let around = self.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
+            let span = around.fold(VelocitySpan::EMPTY, |span, &other| span.joined(spans[other as usize]));
+            // Together, however fast: a body in flight.
+            if fastest[block].is_finite() && span.width() <= limit {
+                return None;
+            }
+            self.parting(block, fastest[block].is_finite()).filter(|&(speed, _)| speed > limit)
+        });
+        let Some((speed, particle)) = parting else { return Ok(()) };
         Err(StepError::Diverged {
             time: self.time() + self.dt,
             step: self.steps + 1,
@@ -298,6 +314,41 @@ impl World {
         })
     }
 
+    /// Smallest and largest velocity of a block's particles that have springs.
+    fn velocity_span(&self, block: usize) -> VelocitySpan {
+        let alive = self.springs.alive(block);
+        let mut span = VelocitySpan::EMPTY;
+        for axis in 0..3 {
+            let velocity: &[f32; BLOCK_LEN] = block_of(&self.velocity[axis], block);
+            for (&v, _) in velocity.iter().zip(alive).filter(|&(_, &springs)| springs != 0) {
+                span.min[axis] = span.min[axis].min(v);
+                span.max[axis] = span.max[axis].max(v);
+            }
+        }
+        span
+    }
+
+    /// The largest speed at which a particle of a block and one it is joined to part, and the particle; infinite for a
+    /// velocity that is not finite (or whose square is not).
+    fn parting(&self, block: usize, finite: bool) -> Option<(f64, u32)> {
+        let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
+        let particles = slots.filter_map(|slot| self.layout.particle_of_slot(&self.lattice, slot));
+        let speed = |particle: u32| {
+            let own = self.velocity(particle);
+            let countable = own.norm_squared() < f64::from(f32::MAX);
+            if !finite && !countable {
+                return f64::INFINITY;
+            }
+            let alive = self.topology.alive()[particle as usize];
+            (0..NEIGHBOURS)
+                .filter(|d| alive >> d & 1 == 1)
+                .filter_map(|direction| self.lattice.neighbour(particle, direction))
+                .map(|other| (self.velocity(other) - own).norm())
+                .fold(0.0, f64::max)
+        };
+        particles.map(|particle| (speed(particle), particle)).max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     fn likely_cause(&self) -> String {
         let bound = super::stable_dt::stable_dt(&self.lattice, &self.topology, &self.assembly);
         if self.dt > bound {
@@ -306,8 +357,8 @@ impl World {
                 self.dt / bound
             )
         } else {
-            "the step is within the stable bound, so a force or a grabbed region moves the tissue faster than it can \
-             follow: lower the force, or give the motion more time"
+            "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
+             tissue faster than it can follow: lower the force, or give the motion more time"
                 .to_owned()
         }
     }
@@ -326,16 +377,35 @@ impl World {
         }
     }
 
-    /// Sweeps a blade through the lattice where it is now and severs every spring it crosses; returns how many.
+    /// Where every particle is now, for a later [`World::cut_since`].
+    pub fn moment(&self) -> Moment {
+        Moment { displacement: self.displacement.clone() }
+    }
+
+    /// Sweeps a blade through the lattice as it stands now and severs every spring the edge passes through; returns how
+    /// many.
     pub fn cut(&mut self, sweep: &Sweep) -> usize {
+        let found = self.crossings(&self.displacement, sweep);
+        self.sever(found)
+    }
+
+    /// The same while the particles moved, along straight lines, from where they were to where they are now.
+    pub fn cut_since(&mut self, before: &Moment, sweep: &Sweep) -> usize {
+        let found = self.crossings(&before.displacement, sweep);
+        self.sever(found)
+    }
+
+    fn crossings(&self, before: &[Vec<f32>; 3], sweep: &Sweep) -> Vec<SeveredSpring> {
         let time = self.time();
-        let found = crossings(&self.lattice, &self.layout, &self.topology, &self.displacement, sweep);
-        self.sever(found.into_iter().map(|crossing| SeveredSpring {
-            particle: crossing.particle,
-            direction: crossing.direction,
-            at: crossing.at,
-            time,
-        }))
+        crossings(&self.lattice, &self.layout, &self.topology, before, &self.displacement, sweep)
+            .into_iter()
+            .map(|crossing| SeveredSpring {
+                particle: crossing.particle,
+                direction: crossing.direction,
+                at: crossing.at,
+                time,
+            })
+            .collect()
     }
 
     /// Severs the given springs; returns how many of them were alive.
@@ -373,10 +443,35 @@ impl World {
         let mass = particle.map_or(0.0, |particle| f64::from(self.assembly.mass[particle as usize]));
         let free = claims == Claims::default() && mass > 0.0;
         self.dt_over_mass[slot as usize] = if free { (self.dt / mass) as f32 } else { 0.0 };
-        if claims.holds > 0 {
+        // Rigid organs only move while something moves them.
+        if claims.holds > 0 || (mass == 0.0 && claims.grabs == 0) {
             for velocity in &mut self.velocity {
                 velocity[slot as usize] = 0.0;
             }
         }
+    }
+}
+
+/// Smallest and largest velocity along each axis [m/s]. NaN is left out: it is found by its speed.
+#[derive(Debug, Clone, Copy)]
+struct VelocitySpan {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+impl VelocitySpan {
+    const EMPTY: Self = Self { min: [f32::MAX; 3], max: [f32::MIN; 3] };
+
+    fn joined(self, other: Self) -> Self {
+        Self {
+            min: [0, 1, 2].map(|axis| self.min[axis].min(other.min[axis])),
+            max: [0, 1, 2].map(|axis| self.max[axis].max(other.max[axis])),
+        }
+    }
+
+    /// No two velocities of the span differ by more [m/s].
+    fn width(&self) -> f64 {
+        let width = |axis: usize| (f64::from(self.max[axis]) - f64::from(self.min[axis])).max(0.0);
+        Vector3::new(width(0), width(1), width(2)).norm()
     }
 }

@@ -23,6 +23,12 @@ pub fn organ_map(dims: [usize; 3], organ: impl Fn([usize; 3]) -> u8) -> OrganMap
     Volume::from_vec(grid, (0..shape.len()).map(|linear| organ(shape.ijk(linear))).collect())
 }
 
+/// A full block of voxels of one organ, placed by any affine with cubic voxels.
+pub fn block_placed(affine: Affine, dims: [usize; 3]) -> OrganMap {
+    let shape = GridShape::new(dims[0], dims[1], dims[2]);
+    Volume::from_vec(Grid { shape, affine }, vec![0; shape.len()])
+}
+
 /// A full block of voxels of one organ.
 pub fn block(dims: [usize; 3]) -> OrganMap {
     organ_map(dims, |_| 0)
@@ -80,6 +86,11 @@ pub fn displacements(world: &World) -> Vec<Vector3> {
 /// Velocities of all particles, lattice axes [m/s].
 pub fn velocities(world: &World) -> Vec<Vector3> {
     particles(world).into_iter().map(|p| world.velocity(p)).collect()
+}
+
+/// Present places of all particles, lattice axes [m].
+pub fn places(world: &World) -> Vec<Vector3> {
+    rest_places(world).iter().zip(displacements(world)).map(|(rest, u)| rest + u).collect()
 }
 
 /// Rest places of all particles, lattice axes [m].
