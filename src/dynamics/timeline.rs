@@ -127,13 +127,19 @@ impl Timeline {
         events
     }
 
-    /// Reports what is still going on, or never began, when the run is over.
-    pub fn finish(&mut self, world: &World) -> Vec<Event> {
+    /// Finishes cuts that are still going on, and reports what has not ended or never began, when the run is over.
+    pub fn finish(&mut self, world: &mut World) -> Vec<Event> {
         let report = |entry: &mut Entry| {
             let what = match std::mem::replace(&mut entry.state, State::Done) {
                 State::Waiting => What::NeverBegan,
                 State::Acting(_) => What::Ended,
-                State::Cutting(cutting) => What::Severed(cutting.severed),
+                State::Cutting(mut cutting) => {
+                    // What moved over the edge since the last test.
+                    let (from, until) = (entry.operation.from, entry.operation.until);
+                    let share = ((world.time() - from) / (until - from)).clamp(0.0, 1.0);
+                    cutting.advance(world, share, true);
+                    What::Severed(cutting.severed)
+                }
                 State::Done => return None,
             };
             Some(Event { time: world.time(), operation: entry.operation.name.clone(), what })
@@ -198,7 +204,8 @@ impl Entry {
 impl Cutting {
     /// Moves the edge to a share of its path and severs what it passed through since the last test.
     fn advance(&mut self, world: &mut World, share: f64, arrived: bool) {
-        let reached = share * self.blade.path_length();
+        // Never back: the edge leads the tissue by a step.
+        let reached = (share * self.blade.path_length()).max(self.tested);
         let sweep = |tested: f64| self.blade.sweep(tested, reached);
         self.severed += match &self.before {
             // The edge takes its lead over tissue that has not moved yet.

@@ -18,42 +18,89 @@ pub fn halo_row(y: isize, z: isize) -> usize {
     ((z + 1) as usize * (BLOCK[1] + 2) + (y + 1) as usize) * HALO_ROW
 }
 
+/// What a missing block reads as.
+static EMPTY: [f32; BLOCK_LEN] = [0.0; BLOCK_LEN];
+
 /// Copies a block and the layer around it. Grid points of missing blocks read 0.
 ///
 /// - `field`: block order, see [`crate::lattice::layout::BlockLayout`].
 /// - `neighbours`: the 27 blocks around, itself at 13.
 ///
 /// # Panics
-/// Never: the buffer has as many rows as are copied.
+/// If `field` does not hold a block that `neighbours` names.
 pub fn gather(field: &[f32], neighbours: &[u32; 27], halo: &mut Halo) {
-    let row_of = |block: u32, y: usize, z: usize| -> Option<&[f32]> {
-        (block != NO_BLOCK).then(|| {
-            let start = block as usize * BLOCK_LEN + (z * BLOCK[1] + y) * BLOCK[0];
-            &field[start..start + BLOCK[0]]
-        })
+    let rows_of = |block: u32| -> &[[f32; BLOCK[0]]] {
+        let values: &[f32; BLOCK_LEN] = match block {
+            NO_BLOCK => &EMPTY,
+            block => field[block as usize * BLOCK_LEN..][..BLOCK_LEN].try_into().expect("whole blocks"),
+        };
+        values.as_chunks().0
     };
-    let mut rows = halo.as_chunks_mut::<HALO_ROW>().0.iter_mut();
-    for z in 0..BLOCK[2] + 2 {
-        let (block_z, local_z) = wrap(z, BLOCK[2]);
-        for y in 0..BLOCK[1] + 2 {
-            let (block_y, local_y) = wrap(y, BLOCK[1]);
-            let row = rows.next().expect("as many rows as the loops visit");
-            let middle = (block_z * 3 + block_y) * 3 + 1;
-            row[0] = row_of(neighbours[middle - 1], local_y, local_z).map_or(0.0, |r| r[BLOCK[0] - 1]);
-            match row_of(neighbours[middle], local_y, local_z) {
-                Some(r) => row[1..=BLOCK[0]].copy_from_slice(r),
-                None => row[1..=BLOCK[0]].fill(0.0),
+    let halo_rows = halo.as_chunks_mut::<HALO_ROW>().0;
+    // Along y and z: the last layer of the block before, the block itself, the first layer of the block after.
+    let layers = |size: usize| [(size - 1..size, 0), (0..size, 1), (0..1, size + 1)];
+    for (place_z, (layers_z, first_z)) in layers(BLOCK[2]).into_iter().enumerate() {
+        for (place_y, (layers_y, first_y)) in layers(BLOCK[1]).into_iter().enumerate() {
+            let middle = (place_z * 3 + place_y) * 3 + 1;
+            let [before, own, after] = [middle - 1, middle, middle + 1].map(|place| rows_of(neighbours[place]));
+            for (step_z, z) in layers_z.clone().enumerate() {
+                let start = (first_z + step_z) * (BLOCK[1] + 2) + first_y;
+                for (step_y, y) in layers_y.clone().enumerate() {
+                    let row = &mut halo_rows[start + step_y];
+                    let from = z * BLOCK[1] + y;
+                    row[0] = before[from][BLOCK[0] - 1];
+                    row[1..=BLOCK[0]].copy_from_slice(&own[from]);
+                    row[HALO_ROW - 1] = after[from][0];
+                }
             }
-            row[HALO_ROW - 1] = row_of(neighbours[middle + 1], local_y, local_z).map_or(0.0, |r| r[0]);
         }
     }
 }
 
-/// Which of three blocks (0, 1, 2) a halo index lies in, and where inside it.
-fn wrap(halo_index: usize, size: usize) -> (usize, usize) {
-    match halo_index {
-        0 => (0, size - 1),
-        at if at <= size => (1, at - 1),
-        _ => (2, 0),
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Affine, Grid, GridShape};
+    use crate::lattice::build::{Border, NO_ORGAN, build};
+    use crate::lattice::layout::BlockLayout;
+    use crate::volume::Volume;
+
+    /// Every halo of a ragged lattice against the grid, point by point.
+    #[test]
+    fn a_halo_is_what_lies_around_its_block() {
+        let shape = GridShape::new(40, 19, 27);
+        let grid = Grid { shape, affine: Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap() };
+        let hole = |[i, j, k]: [usize; 3]| i > 14 && j > 5 && k > 6 && i < 34 && j < 17 && k < 26;
+        let organs = (0..shape.len()).map(|l| if hole(shape.ijk(l)) { NO_ORGAN } else { 0 }).collect();
+        let lattice = build(&Volume::from_vec(grid, organs), Border::Voxels, &[false]).unwrap();
+        let layout = BlockLayout::new(&lattice);
+        let mut field = vec![0.0; layout.slots()];
+        for (particle, &slot) in layout.slot.iter().enumerate() {
+            field[slot as usize] = lattice.points[particle] as f32 + 1.0;
+        }
+        let mut halo = [f32::NAN; HALO_LEN];
+        let mut compared = 0;
+        for (block, corner) in layout.blocks.iter().enumerate() {
+            gather(&field, &layout.neighbours[block], &mut halo);
+            for z in -1..=BLOCK[2] as isize {
+                for y in -1..=BLOCK[1] as isize {
+                    for x in -1..=BLOCK[0] as isize {
+                        let at = [x, y, z];
+                        let point = [0, 1, 2].map(|a| corner[a] as isize * BLOCK[a] as isize + at[a]);
+                        let dims = lattice.grid.shape.dims();
+                        let inside = (0..3).all(|a| point[a] >= 0 && point[a] < dims[a] as isize);
+                        let expected = if inside {
+                            let linear = lattice.grid.shape.linear(point.map(|p| p as usize));
+                            if lattice.particle_at[linear] == u32::MAX { 0.0 } else { linear as f32 + 1.0 }
+                        } else {
+                            0.0
+                        };
+                        assert_eq!(halo[halo_row(y, z) + (x + 1) as usize], expected, "block {block} at {at:?}");
+                        compared += 1;
+                    }
+                }
+            }
+        }
+        assert!(compared > 20_000, "{compared}");
     }
 }

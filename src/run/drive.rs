@@ -82,10 +82,12 @@ pub fn drive<O: Observer>(
             world.step()?;
             observer.step(world);
         }
+        if number == schedule.frames {
+            for event in timeline.finish(world) {
+                observer.event(&event).map_err(DriveError::Observer)?;
+            }
+        }
         show(number, world, observer)?;
-    }
-    for event in timeline.finish(world) {
-        observer.event(&event).map_err(DriveError::Observer)?;
     }
     Ok(())
 }

@@ -263,7 +263,7 @@ fn blades_in_millimetres_meet_oblique_and_mirrored_lattices() {
         timeline.advance(&mut world);
         let expected = brute_force(&intact, &places, &quads(&edge, &path), 1e-4 * 2.5);
         expected.check(&severed(&world), &format!("case {case}"));
-        assert_eq!(timeline.finish(&world)[0].what, What::Severed(severed(&world).len()));
+        assert_eq!(timeline.finish(&mut world)[0].what, What::Severed(severed(&world).len()));
         springs += severed(&world).len();
     }
     assert!(springs > 3000, "{springs}");
