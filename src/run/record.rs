@@ -1,6 +1,7 @@
 //! Keeps a run on disk while it goes on.
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use super::drive::{Frame, Observer};
 use super::inputs::Inputs;
@@ -17,10 +18,17 @@ pub const HU_ARRAY: &str = "hu";
 /// What lies beyond the CT: air [HU].
 const OUTSIDE_HU: f32 = -1024.0;
 
+/// Series are written at most this often while a run goes on: each write is synced to the disk, which can take longer
+/// than a step.
+const SERIES_INTERVAL: Duration = Duration::from_secs(1);
+
 /// Writes frames, events and series of a run to its directory.
 #[derive(Debug)]
 pub struct Recorder {
     writer: RunWriter,
+    /// Values of each series that are not written yet: name, unit, values.
+    series: Vec<(&'static str, &'static str, Vec<f64>)>,
+    written: Instant,
 }
 
 impl Recorder {
@@ -73,7 +81,7 @@ impl Recorder {
             schedule.steps,
             schedule.stable_dt,
         ))?;
-        Ok(Self { writer })
+        Ok(Self { writer, series: Vec::new(), written: Instant::now() })
     }
 
     /// Adds a line to the run's log.
@@ -87,9 +95,18 @@ impl Recorder {
     /// Ends the run.
     ///
     /// # Errors
-    /// If the manifest cannot be written.
-    pub fn finish(self, status: Status) -> Result<(), WriteRunError> {
+    /// If the series or the manifest cannot be written.
+    pub fn finish(mut self, status: Status) -> Result<(), WriteRunError> {
+        self.write_series()?;
         self.writer.finish(status)
+    }
+
+    fn write_series(&mut self) -> Result<(), WriteRunError> {
+        for (name, unit, values) in self.series.drain(..) {
+            self.writer.push_series(name, unit, &values)?;
+        }
+        self.written = Instant::now();
+        Ok(())
     }
 }
 
@@ -105,14 +122,18 @@ impl Observer for Recorder {
             ("kinetic_energy", "J", frame.balance.kinetic),
             ("elastic_energy", "J", frame.balance.elastic),
         ] {
-            self.writer.push_series(name, unit, &[value])?;
+            match self.series.iter_mut().find(|series| series.0 == name) {
+                Some((_, _, values)) => values.push(value),
+                None => self.series.push((name, unit, vec![value])),
+            }
         }
         self.writer.push_frame(FrameData {
             time_s: world.time(),
             step: world.steps(),
             displacements_mm: &world.displacements_mm(),
             severed: world.topology().severed(),
-        })
+        })?;
+        if self.written.elapsed() > SERIES_INTERVAL { self.write_series() } else { Ok(()) }
     }
 
     fn event(&mut self, event: &Event) -> Result<(), WriteRunError> {
