@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::{Value, json};
 
@@ -84,7 +84,17 @@ pub struct RunWriter {
     particles: usize,
     arrays: Arrays,
     series: BTreeMap<String, Growing<f64>>,
+    /// Chunks of frames that are not on disk yet, by path: a list that grew twice is written once.
+    staged: BTreeMap<PathBuf, Vec<u8>>,
+    staged_bytes: usize,
+    committed: Instant,
 }
+
+/// Frames are written together when the first of them has waited this long: making files durable can take longer than
+/// computing them.
+const COMMIT_INTERVAL: Duration = Duration::from_millis(500);
+/// Or when they take this much memory [bytes].
+const MOST_STAGED: usize = 64 << 20;
 
 impl RunWriter {
     /// Begins a run at `path`, which appears whole with the lattice and no frames.
@@ -137,7 +147,17 @@ impl RunWriter {
         let log_path = path.join("log.txt");
         let log = File::options().append(true).open(&log_path).map_err(|e| WriteRunError::io(&log_path, e))?;
         let arrays = Arrays::new(&path.join(ARRAYS), lattice.len());
-        Ok(Self { path, manifest, log, particles: lattice.len(), arrays, series: BTreeMap::new() })
+        Ok(Self {
+            path,
+            manifest,
+            log,
+            particles: lattice.len(),
+            arrays,
+            series: BTreeMap::new(),
+            staged: BTreeMap::new(),
+            staged_bytes: 0,
+            committed: Instant::now(),
+        })
     }
 
     /// The run directory.
@@ -150,12 +170,13 @@ impl RunWriter {
         &self.manifest
     }
 
-    /// Number of frames written.
+    /// Number of frames added.
     pub fn frames(&self) -> usize {
         self.arrays.time.rows()
     }
 
-    /// Adds a frame. It counts from the moment this returns; after an error or a crash the frames before are as they were.
+    /// Adds a frame. It counts from the next [`RunWriter::commit`], which follows by itself within half a second of frames;
+    /// after an error or a crash the frames committed before are as they were.
     ///
     /// After an error the writer should be given up: its lists may be ahead of the disk.
     ///
@@ -176,16 +197,39 @@ impl RunWriter {
             return Err(WriteRunError::SeveredChanged { frame: number, found: severed.len(), before });
         }
         let arrays = &mut self.arrays;
-        // First what the frame holds, then how long the lists are, then the length of `displacement`, which makes it count.
         let mut chunks = vec![arrays.displacement.chunk(number, bytemuck::cast_slice(displacements_mm))];
         chunks.extend(arrays.severed.append(&severed[before..]));
         chunks.extend(arrays.time.append(&[frame.time_s]));
         chunks.extend(arrays.step.append(&[frame.step]));
         chunks.extend(arrays.severed_count.append(&[severed.len() as u64]));
+        for (path, bytes) in chunks {
+            self.staged_bytes += bytes.len();
+            self.staged.insert(path, bytes);
+        }
+        if self.committed.elapsed() >= COMMIT_INTERVAL || self.staged_bytes >= MOST_STAGED {
+            self.commit()
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Makes all frames added so far durable.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn commit(&mut self) -> Result<(), WriteRunError> {
+        self.committed = Instant::now();
+        if self.staged.is_empty() {
+            return Ok(());
+        }
+        // First what the frames hold, then how long the lists are, then the length of `displacement`, which makes them count.
+        let chunks: Vec<Pending> = std::mem::take(&mut self.staged).into_iter().collect();
+        self.staged_bytes = 0;
         array::write_all(&chunks)?;
-        array::write_all(&arrays.lists())?;
-        array::write_all(&[arrays.displacement.metadata(number + 1)])?;
-        self.manifest.frames = number as u64 + 1;
+        array::write_all(&self.arrays.lists())?;
+        let frames = self.frames();
+        array::write_all(&[self.arrays.displacement.metadata(frames)])?;
+        self.manifest.frames = frames as u64;
         self.write_manifest()
     }
 
@@ -220,11 +264,12 @@ impl RunWriter {
         self.log.write_all(line.as_bytes()).map_err(|e| WriteRunError::io(&self.path.join("log.txt"), e))
     }
 
-    /// Writes the last status of the run.
+    /// Writes the last frames and the last status of the run.
     ///
     /// # Errors
-    /// If the log or the manifest cannot be written.
+    /// If the frames, the log or the manifest cannot be written.
     pub fn finish(mut self, status: Status) -> Result<(), WriteRunError> {
+        self.commit()?;
         self.log.sync_all().map_err(|e| WriteRunError::io(&self.path.join("log.txt"), e))?;
         self.manifest.status = status;
         self.write_manifest()
@@ -232,6 +277,14 @@ impl RunWriter {
 
     fn write_manifest(&self) -> Result<(), WriteRunError> {
         array::write_all(&[(self.path.join("manifest.json"), array::pretty(&self.manifest))])
+    }
+}
+
+/// A run that is given up, as after an error of its caller, keeps the frames it was handed.
+impl Drop for RunWriter {
+    fn drop(&mut self) {
+        // Nobody is left to hear of an error; the frames committed before are safe.
+        let _ = self.commit();
     }
 }
 

@@ -74,7 +74,8 @@ fn push(writer: &mut RunWriter, lattice: &Lattice, frame: usize) -> Result<(), W
         step: 25 * frame as u64,
         displacements_mm: &displacements,
         severed: &severed,
-    })
+    })?;
+    writer.commit()
 }
 
 fn write(path: &Path, lattice: &Lattice) -> RunWriter {
@@ -156,6 +157,26 @@ fn what_is_written_is_read() {
 }
 
 #[test]
+fn frames_count_once_committed_and_at_the_latest_when_the_writer_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let lattice = lattice([4, 4, 4]);
+    let frame = |time_s| FrameData { time_s, step: 0, displacements_mm: &[[0.0; 3]; 64], severed: &[] };
+    assert_eq!(lattice.len(), 64);
+    let mut writer = RunWriter::create(&path, header(), &lattice, &[], false).unwrap();
+    for number in 0..3 {
+        writer.push_frame(frame(f64::from(number))).unwrap();
+    }
+    writer.commit().unwrap();
+    assert_eq!(RunReader::open(&path).unwrap().frames(), 3);
+    writer.push_frame(frame(3.0)).unwrap();
+    drop(writer);
+    let reader = RunReader::open(&path).unwrap();
+    assert_eq!(reader.times(), [0.0, 1.0, 2.0, 3.0]);
+    assert!(reader.warning().is_some(), "nobody said that the run was complete");
+}
+
+#[test]
 fn lists_longer_than_a_chunk_survive() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
@@ -168,6 +189,7 @@ fn lists_longer_than_a_chunk_survive() {
     for (frame, &count) in counts.iter().enumerate() {
         let severed = &all[..count];
         writer.push_frame(FrameData { time_s: frame as f64, step: 1, displacements_mm: &still, severed }).unwrap();
+        writer.commit().unwrap();
     }
     let reader = RunReader::open(&path).unwrap();
     for (frame, &count) in counts.iter().enumerate() {
