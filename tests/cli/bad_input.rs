@@ -29,8 +29,6 @@ fn missing_files_are_named() {
         folder.yawara(call).refused(&[call[1], "o such file"]);
     }
     let files = "image = \"no.nii.gz\"";
-    folder
-        .write("files.toml", CUBE.replace("phantom = \"cube\"\nspacing = 6.0", files).replace("\"cube\"\nst", "1\nst"));
     folder.write(
         "hu.toml",
         CUBE.replace("phantom = \"cube\"\nspacing = 6.0", files).replace("label = \"cube\"", "hu = [0, 100]"),
@@ -98,7 +96,7 @@ fn scenes_that_make_no_sense() {
     refuse_scene("dt = 5e-4", "dt = 5e-3", &["time.dt = 5e-3 s", "not stable", "1.408e-3 s", "leave time.dt out"]);
     refuse_scene("stiffness", "stifness", &["cube.toml", "`stifness`", "did you mean `stiffness`"]);
     refuse_scene("mass = 2.3e-4", "mass = -1", &["cube.toml", "mass", "-1"]);
-    refuse_scene("spacing = 6.0", "spacing = 0.01", &["0.01 mm", "0.5 to 10 mm"]);
+    refuse_scene("spacing = 6.0", "spacing = 0.01", &["volume.spacing", "0.01", "0.5 to 10 mm"]);
     refuse_scene("stiffness = 7.5\ndamping = 1e-3\nmass = 2.3e-4", "rigid = true", &["every organ is rigid"]);
 }
 

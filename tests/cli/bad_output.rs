@@ -13,7 +13,7 @@ const WRITERS: [&str; 9] = [
     "mesh run -o OUT/b.glb --frame all",
     "slice run -o OUT/a.png --axis z --at 0",
     "volume run -o OUT/v.png",
-    "phantom --kind cube --spacing 2 -o OUT/ph",
+    "phantom --kind abdomen --spacing 8 -o OUT/ph",
 ];
 
 #[test]

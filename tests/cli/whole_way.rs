@@ -91,8 +91,8 @@ fn slices_and_plots() {
         for kind in ["rest", "first", "last", "volume", "labels"] {
             let picture = image::open(folder.path(&format!("{kind}-{axis}.png"))).expect("a picture").to_rgb8();
             assert_eq!(picture.dimensions(), (800, 800), "{kind}-{axis}");
-            let bright = picture.pixels().filter(|pixel| pixel[0] > 100).count();
-            assert!((300_000..500_000).contains(&bright), "{kind}-{axis}: {bright} of 640 000 pixels show tissue");
+            let bright = picture.pixels().filter(|pixel| pixel[1] > 80).count();
+            assert!((220_000..350_000).contains(&bright), "{kind}-{axis}: {bright} of 640 000 pixels show tissue");
         }
         assert_ne!(folder.read(&format!("rest-{axis}.png")), folder.read(&format!("last-{axis}.png")));
     }
@@ -133,7 +133,7 @@ fn a_phantom_on_disk_makes_the_scene_of_a_phantom() {
     assert_eq!(info["manifest"]["inputs"].as_array().map(Vec::len), Some(2));
     // A changed input is noticed when it is read again.
     folder.yawara(&["slice", "a", "-o", "a.png", "--axis", "x", "--at", "0"]).done();
-    folder.yawara(&["phantom", "-o", "ph", "--kind", "cube", "--spacing", "6", "--seed", "2", "--overwrite"]).done();
+    folder.write("ph/ct.nii.gz", folder.read("ph/labels.nii.gz"));
     let answer = folder.yawara(&["slice", "a", "-o", "a.png", "--axis", "x", "--at", "0"]).done();
     answer.says(&["warning", "ct.nii.gz", "has changed"]);
 }
