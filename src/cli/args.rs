@@ -1,8 +1,8 @@
 //! What can be asked of the program.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::run::meshes::DEFAULT_SMOOTHING;
@@ -22,9 +22,9 @@ pub(super) struct Arguments {
     /// Print errors, warnings and results only.
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,
-    /// Worker threads; results do not depend on their number [default: one per processor].
-    #[arg(long, global = true, value_name = "N")]
-    pub(super) threads: Option<NonZeroUsize>,
+    /// Worker threads, 1 to 1024; results do not depend on their number [default: one per processor].
+    #[arg(long, global = true, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    pub(super) threads: Option<usize>,
     #[command(subcommand)]
     pub(super) command: Command,
 }
@@ -48,19 +48,22 @@ pub(super) enum Command {
         /// Which shell.
         shell: clap_complete::Shell,
     },
-    /// Print the manual page.
-    #[command(after_help = "Example:\n  yawara man | man -l -")]
-    Man,
+    /// Print the manual page of the program, or of one of its commands.
+    #[command(after_help = "Examples:\n  yawara man | man -l -\n  yawara man mesh | man -l -")]
+    Man {
+        /// Command to explain, such as `mesh` [default: the program].
+        command: Option<String>,
+    },
 }
 
 /// Take an embedded phantom all the way: cut and pull its liver, and write run, meshes and slices.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  yawara demo -o outputs/demo")]
 pub(super) struct DemoArguments {
-    /// Folder to write to; it must not exist yet, or hold an earlier demo with --overwrite.
+    /// Folder to write to; it must not exist or be empty, unless it holds an earlier demo and --overwrite is given.
     #[arg(long, short, default_value = "outputs/demo")]
     pub(super) output: PathBuf,
-    /// Replace an earlier demo.
+    /// Replace an earlier demo; other files in its folder stay.
     #[arg(long)]
     pub(super) overwrite: bool,
 }
@@ -92,13 +95,14 @@ pub(super) struct MeshArguments {
     #[arg(long, short)]
     pub(super) output: PathBuf,
     /// Which frame: a number from 0, `last`, or `all` (numbered files, or one animated GLB).
-    #[arg(long, default_value = "last", value_name = "N|last|all")]
+    #[arg(long, default_value = "last", value_name = "N|last|all", allow_negative_numbers = true)]
     pub(super) frame: FrameChoice,
     /// Organ to write, by its name in the scene; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     pub(super) organ: Vec<String>,
-    /// Passes of smoothing over the label map before the surface is drawn; 0 keeps its staircases.
-    #[arg(long, default_value_t = DEFAULT_SMOOTHING, value_name = "N")]
+    /// Passes of smoothing over the label map before the surface is drawn, 0 to 20; 0 keeps its staircases.
+    #[arg(long, default_value_t = DEFAULT_SMOOTHING, value_name = "N",
+          value_parser = RangedU64ValueParser::<usize>::new().range(0..=20))]
     pub(super) smooth: usize,
     /// Write STL as text.
     #[arg(long)]
@@ -135,7 +139,7 @@ impl std::str::FromStr for FrameChoice {
                         Axial slices are seen from the feet, coronal ones from the front: the patient's right is on the \
                         left of the picture. Sagittal slices are seen from the left.")]
 pub(super) struct SliceArguments {
-    /// NIfTI volume or run directory.
+    /// NIfTI volume, an image or a label map, or run directory.
     pub(super) source: PathBuf,
     /// PNG file to write.
     #[arg(long, short)]
@@ -146,7 +150,7 @@ pub(super) struct SliceArguments {
     /// Coordinate of the slice on that axis, RAS+ [mm].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub(super) at: f64,
-    /// Edge of a pixel [mm] [default: half the smallest voxel spacing].
+    /// Edge of a pixel [mm] [default: so that the longer side has about 800, and no voxel is left out].
     #[arg(long, value_name = "MM")]
     pub(super) pixel: Option<f64>,
     /// Value shown as middle grey [HU].
@@ -155,14 +159,14 @@ pub(super) struct SliceArguments {
     /// Range of values from black to white [HU].
     #[arg(long, default_value_t = 400.0, value_name = "HU")]
     pub(super) window: f32,
-    /// Label map to tint, on any grid (of a volume; a run brings its own).
+    /// Label map to tint an image with, on any grid (a run brings its own).
     #[arg(long, value_name = "FILE")]
     pub(super) labels: Option<PathBuf>,
     /// Strength of the tint, from 0 (grey) to 1.
     #[arg(long, default_value_t = 0.25, value_name = "SHARE")]
     pub(super) tint: f64,
     /// Frame of a run: a number from 0, or `last`.
-    #[arg(long, default_value = "last", value_name = "N|last")]
+    #[arg(long, default_value = "last", value_name = "N|last", allow_negative_numbers = true)]
     pub(super) frame: FrameChoice,
     /// Show the volume at rest, not carried by the deformation of the run.
     #[arg(long)]
@@ -224,6 +228,9 @@ pub(super) struct PhantomArguments {
     /// Seed of noise and texture.
     #[arg(long, default_value_t = 1)]
     pub(super) seed: u64,
+    /// Replace an earlier phantom in the folder.
+    #[arg(long)]
+    pub(super) overwrite: bool,
 }
 
 /// A phantom.
@@ -282,11 +289,12 @@ pub(super) enum BenchCommand {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench lattice --n 128 --steps 20 --json")]
 pub(super) struct BenchLatticeArguments {
-    /// Particles along each edge.
+    /// Particles along each edge, 2 to 800.
     #[arg(long, default_value_t = 128)]
     pub(super) n: usize,
-    /// Steps to time.
+    /// Steps to time, at least 1.
     #[arg(long, default_value_t = 20)]
     pub(super) steps: u32,
     /// Print JSON.
@@ -295,8 +303,9 @@ pub(super) struct BenchLatticeArguments {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench surface --n 256")]
 pub(super) struct BenchSurfaceArguments {
-    /// Grid points along each edge.
+    /// Grid points along each edge, 2 to 1024.
     #[arg(long, default_value_t = 256)]
     pub(super) n: usize,
     /// Print JSON.

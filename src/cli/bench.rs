@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::args::{BenchCommand, BenchLatticeArguments, BenchSurfaceArguments};
 use super::exit::Outcome;
-use super::messages::{Messages, out};
+use super::messages::out;
 use crate::dynamics::World;
 use crate::geometry::{Affine, Grid, GridShape, Vector3};
 use crate::kernel::dispatch::instruction_set;
@@ -19,7 +19,7 @@ use crate::volume::Volume;
 /// Best of this many extractions is reported.
 const SURFACE_RUNS: usize = 5;
 
-pub(super) fn bench(command: &BenchCommand, _: &Messages) -> anyhow::Result<Outcome> {
+pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
     match command {
         BenchCommand::Lattice(arguments) => lattice(arguments),
         BenchCommand::Surface(arguments) => surface(arguments),
@@ -73,16 +73,16 @@ fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
         "mean_moved": moved / f64::from(particles),
     });
     if json {
-        return Ok(out(&report.to_string())?);
+        return out(&report.to_string());
     }
-    Ok(out(&format!(
+    out(&format!(
         "{:.1} million particle-steps/s ({n}^3 particles, {steps} steps, {} threads, {}), {:.1} bytes per particle, mean moved {:.6e} m",
         rate * 1e-6,
         rayon::current_num_threads(),
         instruction_set(),
         world.bytes_per_particle(),
         moved / f64::from(particles)
-    ))?)
+    ))
 }
 
 fn surface(arguments: &BenchSurfaceArguments) -> anyhow::Result<()> {
@@ -117,13 +117,13 @@ fn surface(arguments: &BenchSurfaceArguments) -> anyhow::Result<()> {
         "triangles": counts.1,
     });
     if json {
-        return Ok(out(&report.to_string())?);
+        return out(&report.to_string());
     }
-    Ok(out(&format!(
+    out(&format!(
         "{:.1} ms (best of {SURFACE_RUNS}) for {n}^3 values: {} vertices, {} triangles, with normals, {} threads",
         best * 1e3,
         counts.0,
         counts.1,
         rayon::current_num_threads()
-    ))?)
+    ))
 }

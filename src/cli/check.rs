@@ -9,6 +9,7 @@ use super::exit::Outcome;
 use super::mesh::open;
 use super::messages::{Messages, out};
 use super::progress;
+use super::source::Source;
 use crate::io::gltf::GlbReader;
 use crate::io::mesh_format::MeshFormat;
 use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher};
@@ -16,7 +17,12 @@ use crate::surface::check::{MeshReport, check as examine};
 use crate::surface::mesh::OrganMesh;
 
 pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::Result<Outcome> {
-    let checked = if arguments.path.is_dir() { of_run(&arguments.path, messages)? } else { of_mesh(&arguments.path)? };
+    let path = &arguments.path;
+    let checked = match Source::of(path)? {
+        Source::Run => of_run(path, messages)?,
+        Source::Mesh(format) => of_mesh(path, format)?,
+        other => return Err(other.refuse(path, "a mesh (.stl, .ply, .glb) or a run directory")),
+    };
     let passed = checked.iter().all(|(_, _, report)| report.passes());
     if arguments.json {
         let meshes: Vec<Value> = checked.iter().map(|(frame, name, report)| to_json(*frame, name, report)).collect();
@@ -32,11 +38,10 @@ pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::
 
 type Checked = Vec<(Option<usize>, String, MeshReport)>;
 
-fn of_mesh(path: &Path) -> anyhow::Result<Checked> {
+fn of_mesh(path: &Path, format: MeshFormat) -> anyhow::Result<Checked> {
     let report = |frame, organs: Vec<OrganMesh>| {
         organs.into_iter().map(move |organ| (frame, organ.name, examine(&organ.mesh))).collect::<Vec<_>>()
     };
-    let format = MeshFormat::from_path(path)?;
     if format == MeshFormat::Glb {
         let mut reader = GlbReader::open(path)?;
         let frames = reader.frames();

@@ -2,15 +2,16 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use serde_json::{Value, json};
 
 use super::args::InfoArguments;
 use super::exit::Outcome;
+use super::facts::text;
 use super::mesh::open;
 use super::messages::{Messages, out};
+use super::source::{Source, label_map};
 use crate::io::mesh_format::MeshFormat;
-use crate::io::nifti::{Datatype, VolumeInfo, read_ct, read_info, read_labels};
+use crate::io::nifti::{VolumeInfo, read_ct, read_info};
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::run::prepare::prepare;
@@ -18,15 +19,11 @@ use crate::surface::check::check;
 
 pub(super) fn info(arguments: &InfoArguments, messages: &Messages) -> anyhow::Result<Outcome> {
     let path = &arguments.path;
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let facts = if path.is_dir() {
-        of_run(path, messages)?
-    } else {
-        match extension.as_str() {
-            "toml" => of_scene(path, messages)?,
-            "stl" | "ply" | "glb" => of_mesh(path)?,
-            _ => of_volume(path)?,
-        }
+    let facts = match Source::of(path)? {
+        Source::Run => of_run(path, messages)?,
+        Source::Scene => of_scene(path, messages)?,
+        Source::Mesh(format) => of_mesh(path, format)?,
+        Source::Volume => of_volume(path)?,
     };
     out(&if arguments.json { facts.to_string() } else { text(&facts) })?;
     Ok(Outcome::Done)
@@ -75,12 +72,11 @@ fn of_scene(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     });
     let world = prepared.into_world(scene.gravity);
     facts["bytes_per_particle"] = json!(world.bytes_per_particle());
-    facts["blocks_alike"] = json!(world.alike_share());
+    facts["share_of_blocks_alike"] = json!(world.alike_share());
     Ok(facts)
 }
 
-fn of_mesh(path: &Path) -> anyhow::Result<Value> {
-    let format = MeshFormat::from_path(path)?;
+fn of_mesh(path: &Path, format: MeshFormat) -> anyhow::Result<Value> {
     let meshes: Vec<Value> = format
         .read(path)?
         .iter()
@@ -104,10 +100,7 @@ fn of_mesh(path: &Path) -> anyhow::Result<Value> {
 fn of_volume(path: &Path) -> anyhow::Result<Value> {
     let header = read_info(path)?;
     let mut facts = of_header(&header);
-    // Whole numbers of one or two bytes are usually labels; a CT is signed or has a scale.
-    let labels = header.scaling.is_none() && matches!(header.datatype, Datatype::U8 | Datatype::U16);
-    if labels {
-        let (map, _) = read_labels(path).with_context(|| format!("{}: could not read the labels", path.display()))?;
+    if let Some(map) = label_map(path, &header)? {
         let voxel_ml = header.affine().determinant().abs() * 1e-3;
         facts["labels"] = map
             .label_summaries()
@@ -125,9 +118,9 @@ fn of_volume(path: &Path) -> anyhow::Result<Value> {
     } else {
         let (image, info) = read_ct(path)?;
         let statistics = image.statistics();
-        facts["min"] = json!(statistics.min);
-        facts["max"] = json!(statistics.max);
-        facts["mean"] = json!(statistics.mean());
+        facts["min_hu"] = json!(statistics.min);
+        facts["max_hu"] = json!(statistics.max);
+        facts["mean_hu"] = json!(statistics.mean());
         facts["replaced_voxels"] = json!(info.replaced_voxels);
     }
     Ok(facts)
@@ -149,47 +142,4 @@ fn of_header(header: &VolumeInfo) -> Value {
         "gzip": header.gzip,
         "slope_and_intercept": header.scaling.map(|scaling| [scaling.slope, scaling.intercept]),
     })
-}
-
-/// JSON as aligned lines: `key  value`, nested objects indented.
-fn text(facts: &Value) -> String {
-    let mut lines = String::new();
-    write_object(facts, 0, &mut lines);
-    lines
-}
-
-fn write_object(value: &Value, depth: usize, lines: &mut String) {
-    let Value::Object(map) = value else { return };
-    let width = map.keys().map(String::len).max().unwrap_or(0);
-    for (key, value) in map {
-        let indent = "  ".repeat(depth);
-        match value {
-            Value::Object(_) => {
-                lines.push_str(&format!("{indent}{key}\n"));
-                write_object(value, depth + 1, lines);
-            }
-            Value::Array(items) if items.iter().any(Value::is_object) => {
-                lines.push_str(&format!("{indent}{key}\n"));
-                for item in items {
-                    let Value::Object(item) = item else { continue };
-                    let cells: Vec<String> = item.iter().map(|(k, v)| format!("{k} {}", plain(v))).collect();
-                    lines.push_str(&format!("{indent}  {}\n", cells.join("  ")));
-                }
-            }
-            Value::Array(rows) if rows.iter().any(Value::is_array) => {
-                lines.push_str(&format!("{indent}{key}\n"));
-                rows.iter().for_each(|row| lines.push_str(&format!("{indent}  {}\n", plain(row))));
-            }
-            value => lines.push_str(&format!("{indent}{key:width$}  {}\n", plain(value))),
-        }
-    }
-}
-
-fn plain(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Null => "none".to_owned(),
-        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(", "),
-        other => other.to_string(),
-    }
 }

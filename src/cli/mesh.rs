@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 
 use super::args::{FrameChoice, MeshArguments};
 use super::exit::Outcome;
 use super::messages::{Messages, out};
 use super::progress;
+use super::source::Source;
 use crate::io::gltf::AnimatedGlbWriter;
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
 use crate::run::meshes::RunMesher;
@@ -31,6 +32,10 @@ pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Re
 
 /// Opens a run and says when it is not complete.
 pub(super) fn open(path: &Path, messages: &Messages) -> anyhow::Result<RunReader> {
+    match Source::of(path)? {
+        Source::Run => {}
+        other => return Err(other.refuse(path, "a run directory")),
+    }
     let reader = RunReader::open(path)?;
     if let Some(warning) = reader.warning() {
         messages.warning(warning);
@@ -94,5 +99,5 @@ pub(super) fn write(
 }
 
 fn write_one(format: MeshFormat, path: &Path, meshes: &[OrganMesh]) -> anyhow::Result<()> {
-    format.write(path, meshes).with_context(|| format!("{}: could not write the mesh", path.display()))
+    Ok(format.write(path, meshes)?)
 }

@@ -3,6 +3,8 @@
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
 
+use anyhow::Context;
+
 /// Prints messages, unless asked to be quiet. Errors and warnings are never silenced.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Messages {
@@ -48,7 +50,11 @@ impl Messages {
 }
 
 /// Writes to standard output.
-pub(super) fn out(text: &str) -> io::Result<()> {
+pub(super) fn out(text: &str) -> anyhow::Result<()> {
+    write_out(text).context("standard output: could not be written")
+}
+
+fn write_out(text: &str) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
     stdout.write_all(text.as_bytes())?;
     if !text.ends_with('\n') {

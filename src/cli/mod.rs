@@ -8,6 +8,7 @@ mod bench;
 mod check;
 mod demo;
 mod exit;
+mod facts;
 mod info;
 mod mesh;
 mod messages;
@@ -16,10 +17,12 @@ mod progress;
 mod run;
 mod scene;
 mod slice;
+mod source;
 mod volume;
 
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::{CommandFactory, Parser};
 
 use args::{Arguments, Command};
@@ -32,7 +35,7 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let messages = Messages::new(arguments.quiet);
     if let Some(threads) = arguments.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         if let Err(error) = pool {
             messages.error(&anyhow::Error::new(error).context("could not start the worker threads"));
             return ExitCode::from(exit::BAD_INPUT);
@@ -55,20 +58,30 @@ fn dispatch(command: Command, messages: &Messages) -> anyhow::Result<Outcome> {
         Command::Mesh(arguments) => mesh::mesh(&arguments, messages),
         Command::Slice(arguments) => slice::slice(&arguments, messages),
         Command::Volume(arguments) => volume::volume(&arguments, messages),
-        Command::Phantom(arguments) => phantom::phantom(&arguments, messages),
+        Command::Phantom(arguments) => phantom::phantom(&arguments),
         Command::Info(arguments) => info::info(&arguments, messages),
         Command::Check(arguments) => check::check(&arguments, messages),
         Command::Scene(arguments) => scene::scene(&arguments, messages),
-        Command::Bench(arguments) => bench::bench(&arguments, messages),
+        Command::Bench(arguments) => bench::bench(&arguments),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "yawara", &mut script);
             out(&String::from_utf8_lossy(&script))?;
             Ok(Outcome::Done)
         }
-        Command::Man => {
+        Command::Man { command } => {
+            let mut program = Arguments::command();
+            // Gives every subcommand its full name and the global options.
+            program.build();
+            let page_of = match command {
+                Some(name) => program.find_subcommand(&name).cloned().with_context(|| {
+                    let known: Vec<&str> = program.get_subcommands().map(clap::Command::get_name).collect();
+                    format!("there is no command `{name}`; there are {}", known.join(", "))
+                })?,
+                None => program,
+            };
             let mut page = Vec::new();
-            clap_mangen::Man::new(Arguments::command()).render(&mut page)?;
+            clap_mangen::Man::new(page_of).render(&mut page)?;
             out(&String::from_utf8_lossy(&page))?;
             Ok(Outcome::Done)
         }

@@ -10,6 +10,7 @@ use super::args::RunArguments;
 use super::exit::Outcome;
 use super::messages::Messages;
 use super::progress;
+use super::source::Source;
 use crate::dynamics::World;
 use crate::dynamics::timeline::{Event, Timeline, What};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
@@ -18,12 +19,17 @@ use crate::run::label_lookup::Files;
 use crate::run::prepare::prepare;
 use crate::run::record::{Recorder, describe};
 use crate::scene::resolved::{Action, Scene};
-use crate::store::{Status, WriteRunError};
+use crate::store::{RunWriter, Status, WriteRunError};
 
 /// Cells may lose this share of their volume before the end of a run says so.
 const NOTABLE_VOLUME_CHANGE: f64 = 0.05;
 
 pub(super) fn run(arguments: &RunArguments, messages: &Messages) -> anyhow::Result<Outcome> {
+    match Source::of(&arguments.scene)? {
+        // A scene may have any name.
+        Source::Scene | Source::Volume => {}
+        other => return Err(other.refuse(&arguments.scene, "a scene (TOML)")),
+    }
     let (scene, warnings) = crate::scene::load(&arguments.scene, &Files)?;
     warnings.iter().for_each(|warning| messages.warning(warning));
     let text = std::fs::read_to_string(&arguments.scene)
@@ -44,6 +50,7 @@ pub(super) fn simulate(
     overwrite: bool,
     messages: &Messages,
 ) -> anyhow::Result<Outcome> {
+    RunWriter::check_place(output, overwrite)?;
     let inputs = inputs::load(&scene.volume)?;
     if inputs.replaced_voxels > 0 {
         messages.warning(format_args!("{} voxels of the image are not finite; read as air", inputs.replaced_voxels));
@@ -89,7 +96,8 @@ pub(super) fn simulate(
             messages.note(summary);
             if inverted > 0 {
                 messages.warning(format_args!(
-                    "{inverted} cells are turned inside out at the end; lower the forces or refine lattice.pitch"
+                    "{inverted} {} turned inside out at the end; lower the forces or refine lattice.pitch",
+                    if inverted == 1 { "cell is" } else { "cells are" }
                 ));
             } else if (volume - 1.0).abs() > NOTABLE_VOLUME_CHANGE {
                 messages.warning("whole cells changed their volume by more than 5 %; tissue hardly does that");

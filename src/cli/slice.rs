@@ -8,8 +8,9 @@ use super::args::{FrameChoice, SliceArguments};
 use super::exit::Outcome;
 use super::mesh::{frames, open};
 use super::messages::{Messages, out};
+use super::source::{Source, expect_png, label_map};
 use crate::geometry::Grid;
-use crate::io::nifti::{read_ct, read_labels};
+use crate::io::nifti::{read_ct, read_info, read_labels};
 use crate::io::png::write_png;
 use crate::run::inputs;
 use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher, scene_of};
@@ -23,23 +24,37 @@ pub(super) fn slice(arguments: &SliceArguments, messages: &Messages) -> anyhow::
     if !(0.0..=1.0).contains(&arguments.tint) {
         bail!("--tint is {}, expected a share from 0 (grey) to 1", arguments.tint);
     }
-    if arguments.source.is_dir() { of_run(arguments, messages) } else { of_volume(arguments) }?;
+    expect_png(&arguments.output)?;
+    match Source::of(&arguments.source)? {
+        Source::Run => of_run(arguments, messages)?,
+        Source::Volume => of_volume(arguments)?,
+        other => return Err(other.refuse(&arguments.source, "a volume (NIfTI) or a run directory")),
+    }
     out(&arguments.output.display().to_string())?;
     Ok(Outcome::Done)
 }
 
 fn of_volume(arguments: &SliceArguments) -> anyhow::Result<()> {
-    let (ct, _) = read_ct(&arguments.source)?;
-    let labels = arguments.labels.as_deref().map(read_labels).transpose()?.map(|(labels, _)| labels);
+    let own = || label_map(&arguments.source, &read_info(&arguments.source)?);
+    let (ct, labels) = match &arguments.labels {
+        Some(path) => (Some(read_ct(&arguments.source)?.0), Some(read_labels(path)?.0)),
+        None => match own()? {
+            Some(labels) => (None, Some(labels)),
+            None => (Some(read_ct(&arguments.source)?.0), None),
+        },
+    };
+    let grid = grid_of(arguments, &ct, &labels)?;
     let tint = labels.as_ref().map(|labels| Tint { colors: palette(labels), alpha: arguments.tint });
-    let plane = plane(arguments, ct.grid());
-    let raster = plane.raster(ct.grid())?;
+    let plane = plane(arguments, grid);
+    let raster = plane.raster(grid)?;
     let picture = SlicePicture {
+        ct: ct.as_ref(),
         labels: labels.as_ref(),
-        tint: tint.as_ref(),
         window: window(arguments),
+        tint: tint.as_ref(),
+        carried: None,
+        contours: &[],
         annotate: !arguments.plain,
-        ..SlicePicture::of_ct(&ct)
     };
     Ok(write_png(&arguments.output, &picture.draw(&raster)?, Some(plane.pixel_mm))?)
 }
@@ -82,11 +97,7 @@ fn draw_run(
     meshes: &[OrganMesh],
     carry: impl Fn(&crate::slice::Raster) -> Option<crate::slice::deformed::CarriedRaster>,
 ) -> anyhow::Result<()> {
-    let grid = match (image, labels) {
-        (Some(image), _) => image.grid(),
-        (None, Some(labels)) => labels.grid(),
-        (None, None) => bail!("{}: the run has neither image nor labels", arguments.source.display()),
-    };
+    let grid = grid_of(arguments, image, labels)?;
     let plane = plane(arguments, grid);
     let raster = plane.raster(grid)?;
     let carried = carry(&raster);
@@ -113,9 +124,25 @@ fn draw_run(
     Ok(write_png(&arguments.output, &picture.draw(&raster)?, Some(plane.pixel_mm))?)
 }
 
+/// The grid that a slice covers: the image's, or else the label map's.
+fn grid_of<'a>(
+    arguments: &SliceArguments,
+    image: &'a Option<CtVolume>,
+    labels: &'a Option<LabelVolume>,
+) -> anyhow::Result<&'a Grid> {
+    match (image, labels) {
+        (Some(image), _) => Ok(image.grid()),
+        (None, Some(labels)) => Ok(labels.grid()),
+        (None, None) => bail!("{}: has neither image nor labels", arguments.source.display()),
+    }
+}
+
 fn plane(arguments: &SliceArguments, grid: &Grid) -> SlicePlane {
-    let finest = grid.affine.spacing().into_iter().fold(f64::INFINITY, f64::min);
-    SlicePlane { axis: arguments.axis.into(), at_mm: arguments.at, pixel_mm: arguments.pixel.unwrap_or(0.5 * finest) }
+    let (axis, at_mm) = (arguments.axis.into(), arguments.at);
+    match arguments.pixel {
+        Some(pixel_mm) => SlicePlane { axis, at_mm, pixel_mm },
+        None => SlicePlane::fitting(axis, at_mm, grid),
+    }
 }
 
 fn window(arguments: &SliceArguments) -> Window {
@@ -154,7 +181,7 @@ pub(super) fn of_run_at(
         output: output.to_owned(),
         axis,
         at,
-        pixel: Some(1.0),
+        pixel: None,
         level: Window::SOFT_TISSUE.center,
         window: Window::SOFT_TISSUE.width,
         labels: None,

@@ -5,15 +5,14 @@ use super::exit::Outcome;
 use super::mesh::open;
 use super::messages::{Messages, out};
 use super::progress;
+use super::source::expect_png;
 use crate::plot::{Axis, Plot, Series};
 use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher, scene_of};
 use crate::scene::resolved::Body;
 use crate::surface::check::check;
 
 pub(super) fn volume(arguments: &VolumeArguments, messages: &Messages) -> anyhow::Result<Outcome> {
-    if arguments.output.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
-        anyhow::bail!("{}: expected a name that ends in .png", arguments.output.display());
-    }
+    expect_png(&arguments.output)?;
     let reader = open(&arguments.run, messages)?;
     let scene = scene_of(&reader)?;
     let frames = reader.frames();

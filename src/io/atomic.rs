@@ -19,7 +19,7 @@ pub fn write_file<E: From<io::Error>>(
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    std::fs::create_dir_all(folder)?;
+    make_folder(folder)?;
     let temporary = tempfile::Builder::new().prefix(".yawara-").suffix(".part").make_in(folder, |path| {
         // Not tempfile's own 0600: the result is a plain file that obeys the umask.
         File::options().read(true).write(true).create_new(true).open(path)
@@ -32,6 +32,20 @@ pub fn write_file<E: From<io::Error>>(
     drop(writer);
     temporary.persist(path).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// Makes a folder and its parents, if they are not there.
+///
+/// # Errors
+/// The operating system's error; if a file is in the way, one that names it.
+pub fn make_folder(folder: &Path) -> io::Result<()> {
+    std::fs::create_dir_all(folder).map_err(|error| match folder.ancestors().find(|part| part.is_file()) {
+        // The system says "File exists" or "Not a directory", and not of what.
+        Some(file) => {
+            io::Error::new(io::ErrorKind::NotADirectory, format!("{} is a file, not a folder", file.display()))
+        }
+        None => error,
+    })
 }
 
 /// Makes the names in a folder durable: after it returns, a renamed file survives a power cut. Does nothing where folders
@@ -63,6 +77,17 @@ mod tests {
         assert_eq!(failed.unwrap_err().to_string(), "disk on fire");
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(entries(folder.path()), ["mesh.stl"]);
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("notes.txt");
+        std::fs::write(&file, "x").unwrap();
+        for path in [file.join("mesh.stl"), file.join("a/b/mesh.stl")] {
+            let error = write_file::<io::Error>(&path, |w| w.write_all(b"x")).unwrap_err();
+            assert_eq!(error.to_string(), format!("{} is a file, not a folder", file.display()));
+        }
     }
 
     #[test]

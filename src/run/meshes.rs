@@ -1,4 +1,5 @@
-//! From stored frames back to surfaces: one closed mesh per organ, carried by the lattice.
+//! From stored frames back to surfaces: one closed mesh per organ, carried by the lattice. Where organs touch, each keeps its own
+//! wall, set back by a few thousandths of a pitch, so that meshes of several organs stay manifold when vertices are welded.
 
 use crate::lattice::{Lattice, Topology};
 use crate::scene::resolved::{Scene, VoxelSelection};
@@ -48,7 +49,7 @@ pub enum MeshRunError {
 
 /// Makes the meshes of a run's frames.
 ///
-/// Topology is extracted once for every set of severed springs; each further frame only moves the vertices.
+/// Meshes do not depend on which other organs are asked for. Topology is extracted once for every set of severed springs; each further frame only moves the vertices.
 pub struct RunMesher {
     reader: RunReader,
     scene: Scene,
@@ -82,13 +83,14 @@ impl RunMesher {
         let organs = (0..scene.organs.len())
             .filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name))
             .map(|organ| {
-                let values = match (&scene.organs[organ].voxels, &hu) {
+                let mut values = match (&scene.organs[organ].voxels, &hu) {
                     (VoxelSelection::Hu { min, max }, Some(hu)) => {
                         field::from_hu(lattice, organ as u8, &hu.values, [*min, *max], HU_CONTRAST)
                     }
                     _ if smoothing == 0 => field::binary(lattice, organ as u8),
                     _ => field::smoothed(lattice, organ as u8, smoothing),
                 };
+                field::part_walls(lattice, organ as u8, &mut values);
                 (organ, values)
             })
             .collect();

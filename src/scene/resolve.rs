@@ -13,12 +13,11 @@ use super::resolved::{Action, Body, LatticeSpec, Model, PhantomKind, Scene, Time
 use super::schema::{self, SceneFile};
 use super::{operations, organs};
 use crate::geometry::Vector3;
+use crate::phantom::SPACING_MM;
 
 const DEFAULT_PHANTOM_SPACING: f64 = 3.0;
 const DEFAULT_SEED: u64 = 1;
 const DEFAULT_FRAMES: u64 = 30;
-/// Bounds of a voxel spacing [mm]: 0.1 mm is already 10^10 voxels of an abdomen.
-const SPACING: [f64; 2] = [0.1, 100.0];
 /// Bounds of a pitch [mm]: wide enough for anything seen in CT, narrow enough to catch a pitch given in metres.
 const PITCH: [f64; 2] = [0.01, 100.0];
 /// More frames than anybody plays back, few enough for six digits in a file name.
@@ -87,7 +86,7 @@ fn volume(checks: &mut Checks<'_>, written: &schema::Volume, folder: &Path) -> O
             }
         }
         let spacing = written.spacing.unwrap_or(DEFAULT_PHANTOM_SPACING);
-        let spacing = checks.between(&table.key("spacing"), spacing, SPACING, "mm");
+        let spacing = checks.between(&table.key("spacing"), spacing, SPACING_MM, "mm");
         return Some(VolumeSource::Phantom { kind, spacing, seed: written.seed.unwrap_or(DEFAULT_SEED) });
     }
     for (key, present) in [("spacing", written.spacing.is_some()), ("seed", written.seed.is_some())] {

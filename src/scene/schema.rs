@@ -69,8 +69,8 @@ pub(super) struct Volume {
     /// Instead of files, a volume made by the program: "abdomen" (liver with vessels, kidney, spine, ribs, fat, skin),
     /// "cube" or "beam". Example: `phantom = "abdomen"`.
     pub(super) phantom: Option<PhantomKind>,
-    /// Voxel spacing of the phantom [mm], from 0.1 to 100. Default: 3. Example: `spacing = 4.0`.
-    #[schemars(extend("minimum" = 0.1, "maximum" = 100))]
+    /// Voxel spacing of the phantom [mm], from 0.5 to 10. Default: 3. Example: `spacing = 4.0`.
+    #[schemars(extend("minimum" = 0.5, "maximum" = 10))]
     pub(super) spacing: Option<f64>,
     /// Seed of the phantom's noise and texture; the same seed gives the same voxels. Default: 1. Example: `seed = 7`.
     pub(super) seed: Option<u64>,

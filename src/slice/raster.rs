@@ -62,6 +62,16 @@ pub struct SlicePlane {
 }
 
 impl SlicePlane {
+    /// A plane with pixels that make a picture worth looking at: about 800 of them along the longer side of the grid, more where
+    /// they would be coarser than its finest voxels and leave some out.
+    pub fn fitting(axis: SliceAxis, at_mm: f64, grid: &Grid) -> Self {
+        const LONGER_SIDE: f64 = 800.0;
+        let (min, max) = bounds(grid);
+        let longest = axis.directions().map(|side| (max - min).dot(&side).abs()).into_iter().fold(0.0, f64::max);
+        let finest = grid.affine.spacing().into_iter().fold(f64::INFINITY, f64::min);
+        Self { axis, at_mm, pixel_mm: (longest / LONGER_SIDE).min(finest) }
+    }
+
     /// The pixels that cover a grid, voxel borders included.
     ///
     /// # Errors

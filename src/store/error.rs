@@ -10,7 +10,7 @@ use crate::lattice::ReplayError;
 #[non_exhaustive]
 pub enum WriteRunError {
     /// Something is there already.
-    #[error("{}: exists and is not empty; choose another folder, or ask to overwrite the run in it", path.display())]
+    #[error("{}: exists and is not empty; choose another folder, or overwrite the run in it (--overwrite)", path.display())]
     Exists {
         /// The run directory asked for.
         path: PathBuf,

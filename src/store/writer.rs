@@ -97,6 +97,16 @@ const COMMIT_INTERVAL: Duration = Duration::from_millis(500);
 const MOST_STAGED: usize = 64 << 20;
 
 impl RunWriter {
+    /// Says early, before a run is prepared, whether [`RunWriter::create`] would refuse `path`. Nothing is written.
+    ///
+    /// # Errors
+    /// If the path holds something that may not be replaced, or is not a folder.
+    pub fn check_place(path: &Path, overwrite: bool) -> Result<(), WriteRunError> {
+        // A link to a folder stands for the folder.
+        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        place::check(&path, overwrite).map(drop)
+    }
+
     /// Begins a run at `path`, which appears whole with the lattice and no frames.
     ///
     /// A path that holds something is refused, unless `overwrite` is set and it is a run with nothing else in it; the old

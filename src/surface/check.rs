@@ -97,10 +97,11 @@ impl std::fmt::Display for MeshReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         writeln!(
             f,
-            "{} vertices, {} triangles, {} parts, Euler characteristic {}, area {:.2} mm2, volume {:.4} mL",
+            "{} vertices, {} triangles, {} {}, Euler characteristic {}, area {:.2} mm2, volume {:.4} mL",
             self.vertices,
             self.triangles,
             self.components.len(),
+            if self.components.len() == 1 { "part" } else { "parts" },
             self.euler,
             self.area_mm2,
             self.volume_ml()

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::marching_cubes::surface_in_cells;
 use crate::geometry::GridShape;
+use crate::lattice::build::NO_ORGAN;
 use crate::lattice::{Lattice, NO_PARTICLE};
 
 /// Smallest magnitude of a smoothed or HU field, where +-1 is well inside or outside. At 0.02 crossings crowd at thin parts and
@@ -112,6 +113,29 @@ pub fn from_hu(lattice: &Lattice, organ: u8, hu: &[f32], range: [f32; 2], width:
     let mut field: Vec<f32> = hu.par_iter().map(|&hu| (hu - range[0]).min(range[1] - hu) / width).collect();
     keep_sign(&mut field, &membership);
     field
+}
+
+/// Share by which [`part_walls`] deepens a field beyond a wall: half-way between two particles, the wall then stands back by 0.0025 of a
+/// pitch, and by 0.0008 at the ends of what smoothing leaves. Welding needs about 0.001 between both walls.
+const WALL: f32 = 0.01;
+
+/// Sets the walls of an organ back from the organs it touches, by 0.001 to 0.0025 pitch.
+///
+/// Two organs drawn from [`binary`] fields share every vertex of their common wall, and so do many of [`smoothed`] ones. Readers that
+/// weld vertices by place, as STL needs, would find edges with four triangles there.
+///
+/// Not guaranteed: that walls do not pass through each other. Smoothing moves the wall of each organ on its own, by some hundredths of a
+/// pitch either way, to keep the volume of each.
+///
+/// # Panics
+/// If there is not one value per grid point.
+pub fn part_walls(lattice: &Lattice, organ: u8, field: &mut [f32]) {
+    assert_eq!(field.len(), lattice.particle_at.len(), "one value per grid point");
+    field.par_iter_mut().zip(&lattice.particle_at).for_each(|(value, &particle)| {
+        if particle != NO_PARTICLE && ![organ, NO_ORGAN].contains(&lattice.organ[particle as usize]) {
+            *value *= 1.0 + WALL;
+        }
+    });
 }
 
 /// Gives every value the sign of the membership and at least the smallest magnitude.

@@ -6,3 +6,4 @@ mod cuts;
 mod fuzz;
 mod measures;
 mod support;
+mod walls;

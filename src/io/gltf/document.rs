@@ -4,7 +4,7 @@
 //! The temporary file has no name, so nothing is left behind whatever happens.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
@@ -61,7 +61,7 @@ impl DocumentWriter {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let spool = fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
+        let spool = atomic::make_folder(folder).and_then(|()| tempfile::tempfile_in(folder));
         let spool = BufWriter::with_capacity(1 << 20, spool.map_err(WriteMeshError::io(path))?);
         let mut root = Root::default();
         root.asset.generator = Some(format!("yawara {}", env!("CARGO_PKG_VERSION")));

@@ -21,6 +21,9 @@ use crate::surface::seam::{Seam, SeamCell};
 /// Crossings are kept this far from both ends of their edge, as a fraction of it, so that no triangle degenerates.
 pub(crate) const CLEARANCE: f32 = 0.02;
 
+/// The far end is kept clear by this share more: an edge between two organs has a crossing from either end, and they must not meet.
+const FAR_CLEARANCE: f32 = 1.1 * CLEARANCE;
+
 /// Where the surface crosses an edge, as a fraction from its inside end: the zero of linear interpolation.
 ///
 /// Half-way where the outside end has no value (beyond the grid, NaN) or would be inside but holds no particle.
@@ -30,7 +33,7 @@ pub(crate) fn crossing_fraction(inside: f32, outside: Option<f32>) -> f32 {
         Some(outside) if outside <= 0.0 => inside / (inside - outside),
         _ => 0.5,
     };
-    if t.is_finite() { t.clamp(CLEARANCE, 1.0 - CLEARANCE) } else { 0.5 }
+    if t.is_finite() { t.clamp(CLEARANCE, 1.0 - FAR_CLEARANCE) } else { 0.5 }
 }
 
 /// A crossing between an inside and an outside point.

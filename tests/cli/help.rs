@@ -1,0 +1,127 @@
+//! What the program says about itself, and how it behaves in a pipe.
+
+use crate::support::Folder;
+
+const COMMANDS: [&[&str]; 15] = [
+    &[],
+    &["demo"],
+    &["run"],
+    &["mesh"],
+    &["slice"],
+    &["volume"],
+    &["phantom"],
+    &["info"],
+    &["check"],
+    &["scene"],
+    &["bench"],
+    &["bench", "lattice"],
+    &["bench", "surface"],
+    &["completions"],
+    &["man"],
+];
+
+#[test]
+fn every_command_helps_with_an_example_and_its_defaults() {
+    let folder = Folder::new();
+    for command in COMMANDS {
+        let answer = folder.yawara(&[command, &["--help"]].concat()).done();
+        let example = format!("\n  {}", ["yawara"].iter().chain(command).copied().collect::<Vec<_>>().join(" "));
+        let answer = answer.prints(&["Usage:", "Example", &example]);
+        assert_eq!(answer.stderr, "");
+    }
+    folder.yawara(&["phantom", "--help"]).done().prints(&["[mm]", "default: 3", "default: outputs/phantom"]);
+    folder.yawara(&["slice", "--help"]).done().prints(&["[mm]", "[HU]", "default: 400", "about 800"]);
+    folder.yawara(&["mesh", "--help"]).done().prints(&["patient mm (RAS+)", "default: last", "default: 2"]);
+    folder.yawara(&["--help"]).done().prints(&["Exit codes: 0", "--threads", "--quiet"]);
+    assert!(folder.everything().is_empty());
+}
+
+/// Every subcommand of the help is in `COMMANDS`.
+#[test]
+fn no_command_is_left_out() {
+    let help = Folder::new().yawara(&["--help"]).done().stdout;
+    let listed: Vec<&str> = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(listed.len() >= 12, "{listed:?}");
+    for name in listed {
+        assert!(COMMANDS.iter().any(|command| command.first() == Some(&name)), "{name}");
+    }
+}
+
+#[test]
+fn version_completions_and_manual() {
+    let folder = Folder::new();
+    let version = folder.yawara(&["--version"]).done().stdout;
+    assert_eq!(version, format!("yawara {}\n", env!("CARGO_PKG_VERSION")));
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        folder.yawara(&["completions", shell]).done().prints(&["yawara", "phantom", "overwrite"]);
+    }
+    folder.yawara(&["man"]).done().prints(&[".TH yawara 1", "phantom", "Exit codes"]);
+    folder.yawara(&["man", "mesh"]).done().prints(&["yawara", "\\-\\-organ", "patient mm"]);
+    folder.yawara(&["man", "meshes"]).refused(&["`meshes`", "mesh, slice"]);
+}
+
+#[test]
+fn wrong_usage_is_refused() {
+    let folder = Folder::new();
+    folder.yawara(&[]).refused(&["Usage"]);
+    folder.yawara(&["fly"]).refused(&["fly", "--help"]);
+    folder.yawara(&["run"]).refused(&["<SCENE>"]);
+    folder.yawara(&["info", "x", "--jsn"]).refused(&["--jsn"]);
+    folder.yawara(&["scene"]).refused(&["<SCENE>"]);
+    for threads in ["0", "-1", "many", "1000000"] {
+        folder.yawara(&[&format!("--threads={threads}"), "bench", "lattice"]).refused(&[threads, "--threads"]);
+    }
+    folder.yawara(&["--threads", "0", "man"]).refused(&["0 is not in 1..=1024"]);
+    folder.yawara(&["mesh", "run", "-o", "a.stl", "--smooth", "21"]).refused(&["21", "0..=20"]);
+    for n in ["0", "1", "801"] {
+        folder.yawara(&["bench", "lattice", "--n", n]).refused(&[n, "from 2 to 800"]);
+    }
+    folder.yawara(&["bench", "lattice", "--n", "8", "--steps", "0"]).refused(&["--steps 0", "at least one"]);
+    folder.yawara(&["bench", "surface", "--n", "1"]).refused(&["--n is 1", "2 to 1024"]);
+    assert!(folder.everything().is_empty());
+}
+
+#[test]
+fn the_schema_is_json_with_units() {
+    let schema = Folder::new().yawara(&["scene", "--schema"]).done();
+    assert!(schema.json()["properties"]["organ"].is_object());
+    schema.prints(&["youngs_modulus", "Pa", "kg", "mm"]);
+}
+
+#[test]
+fn benches_print_one_object() {
+    let folder = Folder::new();
+    let lattice = folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3", "--json"]).done().json();
+    assert_eq!((lattice["n"].as_u64(), lattice["steps"].as_u64()), (Some(12), Some(3)));
+    assert!(lattice["particle_steps_per_s"].as_f64() > Some(0.0) && lattice["mean_moved"].as_f64() > Some(0.0));
+    let surface = folder.yawara(&["bench", "surface", "--n", "40", "--json"]).done().json();
+    assert!(surface["triangles"].as_u64() > Some(1000));
+    folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3"]).done().prints(&["12^3 particles, 3 steps"]);
+    folder.yawara(&["bench", "surface", "--n", "40"]).done().prints(&["40^3 values", "triangles"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_may_break_and_fill_up() {
+    let folder = Folder::with_run();
+    // The status of a pipeline is that of `head`: the program's own goes to a file.
+    for call in ["man", "check run", "info run", "scene cube.toml", "--help", "completions bash"] {
+        let answer = folder.shell(&format!("{{ $Y {call}; echo $? >code; }} | head -n 1")).done();
+        assert_eq!(answer.stderr, "", "{call}");
+        assert_eq!(folder.read("code"), b"0\n", "{call}");
+        // Closed before the first byte.
+        let answer = folder.shell(&format!("{{ sleep 0.05; $Y {call}; echo $? >code; }} | true; sleep 0.2")).done();
+        assert_eq!(answer.stderr, "", "{call}");
+    }
+    if std::path::Path::new("/dev/full").exists() {
+        folder.shell("$Y info run >/dev/full").refused(&["standard output", "No space left"]);
+    }
+}

@@ -1,0 +1,9 @@
+//! The program itself, run in an empty folder: help, exit codes, messages, and what it leaves on disk.
+
+mod bad_input;
+mod bad_output;
+mod help;
+mod runs;
+mod same_bits;
+mod support;
+mod whole_way;
