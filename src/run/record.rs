@@ -98,15 +98,13 @@ impl Observer for Recorder {
 
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), WriteRunError> {
         let world = frame.world;
-        for (name, unit, value) in [
-            ("volume_by_cells", "m3", frame.volume.now),
-            ("rest_volume_by_cells", "m3", frame.volume.rest),
-            ("inverted_cells", "1", frame.volume.inverted as f64),
-            ("kinetic_energy", "J", frame.balance.kinetic),
-            ("elastic_energy", "J", frame.balance.elastic),
-        ] {
-            self.writer.push_series(name, unit, &[value])?;
-        }
+        self.writer.push_many_series(&[
+            ("volume_by_cells", "m3", &[frame.volume.now]),
+            ("rest_volume_by_cells", "m3", &[frame.volume.rest]),
+            ("inverted_cells", "1", &[frame.volume.inverted as f64]),
+            ("kinetic_energy", "J", &[frame.balance.kinetic]),
+            ("elastic_energy", "J", &[frame.balance.elastic]),
+        ])?;
         self.writer.push_frame(FrameData {
             time_s: world.time(),
             step: world.steps(),

@@ -183,7 +183,7 @@ impl RunWriter {
         chunks.extend(arrays.step.append(&[frame.step]));
         chunks.extend(arrays.severed_count.append(&[severed.len() as u64]));
         array::write_all(&chunks)?;
-        array::write_all(&arrays.lists())?;
+        array::write_all(&if severed.len() > before { arrays.lists() } else { arrays.frame_lists() })?;
         array::write_all(&[arrays.displacement.metadata(number + 1)])?;
         self.manifest.frames = number as u64 + 1;
         self.write_manifest()
@@ -194,19 +194,32 @@ impl RunWriter {
     /// # Errors
     /// If the name cannot be used, the unit changed, or the values cannot be written.
     pub fn push_series(&mut self, name: &str, unit: &str, values: &[f64]) -> Result<(), WriteRunError> {
-        check_name(name)?;
-        let folder = self.path.join(ARRAYS).join("series").join(name);
-        let series = self
-            .series
-            .entry(name.to_owned())
-            .or_insert_with(|| Growing::new(Spec::new(folder, &[], GROWING_ROWS, &["sample"]).unit(unit)));
-        let before = series.spec().unit_name().unwrap_or_default();
-        if before != unit {
-            let (name, before, found) = (name.to_owned(), before.to_owned(), unit.to_owned());
-            return Err(WriteRunError::UnitChanged { name, before, found });
+        self.push_many_series(&[(name, unit, values)])
+    }
+
+    /// Appends to several series at once (name, unit, values), which waits for the disk once instead of once for each.
+    ///
+    /// # Errors
+    /// As [`RunWriter::push_series`]; after an error the writer should be given up.
+    pub fn push_many_series(&mut self, many: &[(&str, &str, &[f64])]) -> Result<(), WriteRunError> {
+        let (mut chunks, mut lengths) = (Vec::new(), Vec::new());
+        for &(name, unit, values) in many {
+            check_name(name)?;
+            let folder = self.path.join(ARRAYS).join("series").join(name);
+            let series = self
+                .series
+                .entry(name.to_owned())
+                .or_insert_with(|| Growing::new(Spec::new(folder, &[], GROWING_ROWS, &["sample"]).unit(unit)));
+            let before = series.spec().unit_name().unwrap_or_default();
+            if before != unit {
+                let (name, before, found) = (name.to_owned(), before.to_owned(), unit.to_owned());
+                return Err(WriteRunError::UnitChanged { name, before, found });
+            }
+            chunks.extend(series.append(values));
+            lengths.push(series.metadata());
         }
-        array::write_all(&series.append(values))?;
-        array::write_all(&[series.metadata()])
+        array::write_all(&chunks)?;
+        array::write_all(&lengths)
     }
 
     /// Appends a line to `log.txt`; line breaks inside become spaces.
@@ -286,18 +299,17 @@ impl Arrays {
         }
     }
 
+    /// `zarr.json` of the lists that grow with every frame.
+    fn frame_lists(&self) -> Vec<Pending> {
+        vec![self.time.metadata(), self.step.metadata(), self.severed_count.metadata()]
+    }
+
     /// `zarr.json` of every list.
     fn lists(&self) -> Vec<Pending> {
-        let severed = &self.severed;
-        vec![
-            severed.particle.metadata(),
-            severed.direction.metadata(),
-            severed.at.metadata(),
-            severed.time.metadata(),
-            self.time.metadata(),
-            self.step.metadata(),
-            self.severed_count.metadata(),
-        ]
+        let Severed { particle, direction, at, time, .. } = &self.severed;
+        let mut lists = vec![particle.metadata(), direction.metadata(), at.metadata(), time.metadata()];
+        lists.extend(self.frame_lists());
+        lists
     }
 }
 

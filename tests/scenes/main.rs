@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
+use yawara::run::label_lookup::Files;
 use yawara::scene::resolved::{
     Action, Body, Model, Operation, PhantomKind, Scene, TimeSpec, VolumeSource, VoxelSelection,
 };
 use yawara::scene::{self, Caution, LabelLookup, Problem, SceneError, Warning};
 
-/// Label names without files: a healthy, a broken and an empty table, known by their file names.
+/// Label names without files: a healthy, a broken and an empty table, known by their file names; the phantoms have their
+/// own.
 struct Names;
 
 impl LabelLookup for Names {
@@ -25,13 +27,7 @@ impl LabelLookup for Names {
     }
 
     fn of_phantom(&self, kind: PhantomKind) -> BTreeMap<String, u16> {
-        match kind {
-            PhantomKind::Abdomen => {
-                table(&["background", "liver", "vessels", "kidney", "spine", "ribs", "fat", "skin"])
-            }
-            PhantomKind::Cube => table(&["background", "cube"]),
-            PhantomKind::Beam => table(&["background", "beam"]),
-        }
+        Files.of_phantom(kind)
     }
 }
 
