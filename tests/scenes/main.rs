@@ -169,7 +169,7 @@ fn units_become_si_and_names_become_numbers() {
     let (scene, warnings) = parse(text);
     assert!(warnings.is_empty(), "{}", warnings[0]);
     assert_eq!(scene.lattice.pitch, Some(0.0025));
-    assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![1, 5, 20]));
+    assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![1, 6, 20]));
     assert_eq!(scene.organs[0].body, Body::Paper { stiffness: 10.0, damping: 0.0, mass: 1.0 });
     assert_eq!(scene.organs[0].color, [1.0; 3]);
     assert_eq!(scene.organs[1].voxels, VoxelSelection::Hu { min: 300.0, max: 3000.0 });
