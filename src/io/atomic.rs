@@ -2,7 +2,9 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
 
 /// Writes a file through `write`, under a temporary name in the same folder, then renames it into place.
 ///
@@ -15,16 +17,7 @@ pub fn write_file<E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    make_folder(folder)?;
-    let temporary = tempfile::Builder::new().prefix(".yawara-").suffix(".part").make_in(folder, |path| {
-        // Not tempfile's own 0600: the result is a plain file that obeys the umask.
-        File::options().read(true).write(true).create_new(true).open(path)
-    })?;
-    let (file, temporary) = temporary.into_parts();
+    let (file, temporary) = beside(path)?.into_parts();
     let mut writer = BufWriter::with_capacity(1 << 20, file);
     write(&mut writer)?;
     writer.flush()?;
@@ -45,6 +38,54 @@ pub fn make_folder(folder: &Path) -> io::Result<()> {
             io::Error::new(io::ErrorKind::NotADirectory, format!("{} is a file, not a folder", file.display()))
         }
         None => error,
+    })
+}
+
+/// Writes small files that belong together, each whole or not at all, and makes their names durable.
+///
+/// All are written before the first is synced, and all are synced before the first is renamed: a journalling file system
+/// commits them together, where one [`write_file`] after the other waits for a commit each.
+///
+/// # Errors
+/// The path at fault, and the operating system's error while creating, writing, syncing or renaming. Files that were not
+/// renamed yet stay as they were before.
+pub fn write_files(files: &[(PathBuf, Vec<u8>)]) -> Result<(), (PathBuf, io::Error)> {
+    let at = |path: &Path| {
+        let path = path.to_path_buf();
+        move |error: io::Error| (path, error)
+    };
+    let mut written = Vec::with_capacity(files.len());
+    for (path, bytes) in files {
+        let mut temporary = beside(path).map_err(at(path))?;
+        temporary.write_all(bytes).map_err(at(path))?;
+        written.push((path, temporary));
+    }
+    for (path, temporary) in &written {
+        temporary.as_file().sync_all().map_err(at(path))?;
+    }
+    for (path, temporary) in written {
+        temporary.persist(path).map_err(|error| at(path)(error.error))?;
+    }
+    let mut folders: Vec<&Path> = files.iter().map(|(path, _)| folder_of(path)).collect();
+    folders.sort_unstable();
+    folders.dedup();
+    folders.into_iter().try_for_each(|folder| sync_folder(folder).map_err(at(folder)))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// A temporary file in the folder of `path`, which is made where it is missing.
+fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = folder_of(path);
+    make_folder(folder)?;
+    tempfile::Builder::new().prefix(".yawara-").suffix(".part").make_in(folder, |path| {
+        // Not tempfile's own 0600: the result is a plain file that obeys the umask.
+        File::options().read(true).write(true).create_new(true).open(path)
     })
 }
 
@@ -88,6 +129,19 @@ mod tests {
             let error = write_file::<io::Error>(&path, |w| w.write_all(b"x")).unwrap_err();
             assert_eq!(error.to_string(), format!("{} is a file, not a folder", file.display()));
         }
+    }
+
+    #[test]
+    fn files_written_together_appear_together_or_name_the_one_at_fault() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        write_files(&[(path("a"), b"1".to_vec()), (path("b/c"), b"2".to_vec())]).unwrap();
+        assert_eq!(std::fs::read(path("b/c")).unwrap(), b"2");
+        // A folder cannot be made below a file.
+        let (at, _) = write_files(&[(path("a"), b"3".to_vec()), (path("a/d"), b"4".to_vec())]).unwrap_err();
+        assert_eq!(at, path("a/d"));
+        assert_eq!(std::fs::read(path("a")).unwrap(), b"1");
+        assert_eq!(entries(folder.path()).len(), 2, "no temporary file stays");
     }
 
     #[test]

@@ -1,11 +1,9 @@
 //! Arrays in Zarr version 3: `zarr.json` beside one file per chunk, chunked along the first axis only.
 
 use std::fs;
-use std::io::Write;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::codec;
@@ -29,15 +27,9 @@ numbers!(u8: "uint8", u16: "uint16", u32: "uint32", u64: "uint64", i32: "int32",
 /// A file to be written: its path and its bytes.
 pub(super) type Pending = (PathBuf, Vec<u8>);
 
-/// Writes files side by side, each whole or not at all, and makes their names durable.
+/// Writes files together, each whole or not at all, and makes their names durable.
 pub(super) fn write_all(files: &[Pending]) -> Result<(), WriteRunError> {
-    files.par_iter().try_for_each(|(path, bytes)| {
-        atomic::write_file::<std::io::Error>(path, |w| w.write_all(bytes)).map_err(|e| WriteRunError::io(path, e))
-    })?;
-    let mut folders: Vec<&Path> = files.iter().filter_map(|(path, _)| path.parent()).collect();
-    folders.sort_unstable();
-    folders.dedup();
-    folders.par_iter().try_for_each(|folder| atomic::sync_folder(folder).map_err(|e| WriteRunError::io(folder, e)))
+    atomic::write_files(files).map_err(|(path, error)| WriteRunError::io(&path, error))
 }
 
 /// `zarr.json` of a group.

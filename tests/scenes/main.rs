@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
+use yawara::run::label_lookup::Files;
 use yawara::scene::resolved::{
     Action, Body, Model, Operation, PhantomKind, Scene, TimeSpec, VolumeSource, VoxelSelection,
 };
 use yawara::scene::{self, Caution, LabelLookup, Problem, SceneError, Warning};
 
-/// Label names without files: a healthy, a broken and an empty table, known by their file names.
+/// Label names without files: a healthy, a broken and an empty table, known by their file names; the phantoms have their
+/// own.
 struct Names;
 
 impl LabelLookup for Names {
@@ -25,13 +27,7 @@ impl LabelLookup for Names {
     }
 
     fn of_phantom(&self, kind: PhantomKind) -> BTreeMap<String, u16> {
-        match kind {
-            PhantomKind::Abdomen => {
-                table(&["background", "liver", "vessels", "kidney", "spine", "ribs", "fat", "skin"])
-            }
-            PhantomKind::Cube => table(&["background", "cube"]),
-            PhantomKind::Beam => table(&["background", "beam"]),
-        }
+        Files.of_phantom(kind)
     }
 }
 
@@ -173,7 +169,7 @@ fn units_become_si_and_names_become_numbers() {
     let (scene, warnings) = parse(text);
     assert!(warnings.is_empty(), "{}", warnings[0]);
     assert_eq!(scene.lattice.pitch, Some(0.0025));
-    assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![1, 5, 20]));
+    assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![1, 6, 20]));
     assert_eq!(scene.organs[0].body, Body::Paper { stiffness: 10.0, damping: 0.0, mass: 1.0 });
     assert_eq!(scene.organs[0].color, [1.0; 3]);
     assert_eq!(scene.organs[1].voxels, VoxelSelection::Hu { min: 300.0, max: 3000.0 });
