@@ -27,7 +27,7 @@ impl LabelLookup for Names {
     fn of_phantom(&self, kind: PhantomKind) -> BTreeMap<String, u16> {
         match kind {
             PhantomKind::Abdomen => {
-                table(&["background", "liver", "vessels", "kidney", "spine", "ribs", "fat", "skin"])
+                table(&["background", "liver", "liver_vessels", "kidney", "spine", "ribs", "fat", "skin"])
             }
             PhantomKind::Cube => table(&["background", "cube"]),
             PhantomKind::Beam => table(&["background", "beam"]),
