@@ -11,7 +11,7 @@ use yawara::scene::resolved::{
 };
 use yawara::scene::{self, Caution, LabelLookup, Problem, SceneError, Warning};
 
-/// Label names without files: a healthy, a broken and an empty table, known by their file names.
+/// Label names of the phantoms, and in place of files a healthy, a broken and an empty table, known by their file names.
 struct Names;
 
 impl LabelLookup for Names {
@@ -25,13 +25,7 @@ impl LabelLookup for Names {
     }
 
     fn of_phantom(&self, kind: PhantomKind) -> BTreeMap<String, u16> {
-        match kind {
-            PhantomKind::Abdomen => {
-                table(&["background", "liver", "liver_vessels", "kidney", "spine", "ribs", "fat", "skin"])
-            }
-            PhantomKind::Cube => table(&["background", "cube"]),
-            PhantomKind::Beam => table(&["background", "beam"]),
-        }
+        yawara::run::label_lookup::Files.of_phantom(kind)
     }
 }
 
@@ -173,7 +167,7 @@ fn units_become_si_and_names_become_numbers() {
     let (scene, warnings) = parse(text);
     assert!(warnings.is_empty(), "{}", warnings[0]);
     assert_eq!(scene.lattice.pitch, Some(0.0025));
-    assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![1, 5, 20]));
+    assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![1, 6, 20]));
     assert_eq!(scene.organs[0].body, Body::Paper { stiffness: 10.0, damping: 0.0, mass: 1.0 });
     assert_eq!(scene.organs[0].color, [1.0; 3]);
     assert_eq!(scene.organs[1].voxels, VoxelSelection::Hu { min: 300.0, max: 3000.0 });
