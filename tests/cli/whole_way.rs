@@ -1,6 +1,6 @@
 //! From a scene to a run, meshes, slices and plots.
 
-use crate::support::{CUBE, Folder};
+use crate::support::{CUBE, Folder, fixture};
 
 #[test]
 fn from_a_scene_to_everything_else() {
@@ -136,6 +136,25 @@ fn a_phantom_on_disk_makes_the_scene_of_a_phantom() {
     folder.write("ph/ct.nii.gz", folder.read("ph/labels.nii.gz"));
     let answer = folder.yawara(&["slice", "a", "-o", "a.png", "--axis", "x", "--at", "0"]).done();
     answer.says(&["warning", "ct.nii.gz", "has changed"]);
+}
+
+/// Scenes of real volumes need files that are not part of this repository.
+#[test]
+fn every_shipped_scene_of_a_phantom_can_be_simulated() {
+    let folder = Folder::new();
+    let mut count = 0;
+    for entry in std::fs::read_dir(fixture("scenes")).expect("scenes") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_some_and(|extension| extension == "toml")
+            && std::fs::read_to_string(&path).expect("text").contains("phantom = ")
+        {
+            let facts = folder.yawara(&["info", &path.to_string_lossy(), "--json"]).done();
+            assert_eq!(facts.stderr, "", "{}", path.display());
+            assert!(facts.json()["particles"].as_u64() > Some(1000));
+            count += 1;
+        }
+    }
+    assert_eq!(count, 4);
 }
 
 /// The demo's own scene takes seconds: it is taken to its first message only.
