@@ -1,18 +1,23 @@
 //! From places in the deformed body back to rest: so that a slice can show the CT carried by the tissue.
 //!
-//! Every lattice cell whose eight corners hold particles is split into six tetrahedra about one body diagonal (Kuhn 1960).
-//! Their edges are all springs of the lattice, so a tetrahedron with a severed spring is one that a blade went through: it is
-//! left out, and the cut opens as a gap one to two pitches wide at most. Inside a tetrahedron the map is linear, hence
-//! exact for any affine deformation, and of second order in the pitch otherwise.
+//! Every lattice cell is split into six tetrahedra about one body diagonal (Kuhn 1960), whose edges are all springs of the
+//! lattice. Inside a tetrahedron the map is linear, hence exact for any affine deformation, and of second order in the pitch
+//! otherwise.
 //!
-//! Tissue ends half-way between its particles and the fringe.
+//! A tetrahedron that a blade went through, or that reaches beyond the last particle, is drawn once for each group of corners
+//! that still holds together: its other corners are put where the deformation around the group would carry them, and tissue
+//! ends half-way to them. It ends half-way to the fringe, too. So tissue reaches half a pitch beyond its particles, and a
+//! closed cut is closed; the blade itself may have gone up to half a pitch beside the border that is drawn.
+//!
 //! Where tissue overlaps itself (two lips pushed into each other), the cell with the lower number is shown.
 
 use rayon::prelude::*;
 
 use super::{Raster, SliceAxis};
 use crate::geometry::{Matrix3, Point3, Vector3};
-use crate::lattice::{FRINGE, Lattice, NO_PARTICLE, Topology, neighbours};
+use crate::lattice::neighbours::{ALL_ALIVE, direction_of};
+use crate::lattice::{FRINGE, Lattice, NO_PARTICLE, Topology};
+use crate::surface::gradient::{AxisDisplacements, Gradients};
 
 /// Offsets of a cell's corners, x fastest: corner `c` is at bits 0, 1 and 2 of `c`.
 const CORNERS: usize = 8;
@@ -62,6 +67,18 @@ pub struct InverseMap<'a> {
     lattice: &'a Lattice,
     topology: &'a Topology,
     displacements: &'a [[f32; 3]],
+    /// Deformation around each particle that lost a spring or never had all; index by [`InverseMap::gradient_at`].
+    gradients: Vec<AxisDisplacements>,
+    /// Index among the gradients of each particle, or `u32::MAX`.
+    gradient_at: Vec<u32>,
+}
+
+/// The eight corners of a cell, x fastest.
+struct Cell {
+    /// [`NO_PARTICLE`] where there is none.
+    particle: [u32; CORNERS],
+    /// Rest places, RAS+ [mm].
+    rest: [Point3; CORNERS],
 }
 
 /// A tetrahedron that meets the plane: affine maps of (column, row) to barycentric and rest coordinates, and its pixels.
@@ -83,7 +100,18 @@ impl<'a> InverseMap<'a> {
     /// If there is not one displacement per particle.
     pub fn new(lattice: &'a Lattice, topology: &'a Topology, displacements: &'a [[f32; 3]]) -> Self {
         assert_eq!(displacements.len(), lattice.len(), "one displacement per particle");
-        Self { lattice, topology, displacements }
+        let mut gradient_at = vec![u32::MAX; lattice.len()];
+        let mut gradients = Vec::new();
+        // No deformation can be told from places that are no numbers.
+        if displacements.par_iter().all(|u| u.iter().all(|x| x.is_finite())) {
+            let border: Vec<u32> = (0..lattice.len() as u32)
+                .filter(|&p| lattice.organ[p as usize] != FRINGE && topology.alive()[p as usize] != ALL_ALIVE)
+                .collect();
+            let (found, index) = Gradients::new(lattice, topology.alive(), &border);
+            gradients = found.evaluate(lattice, displacements);
+            border.iter().zip(index).for_each(|(&particle, at)| gradient_at[particle as usize] = at);
+        }
+        Self { lattice, topology, displacements, gradients, gradient_at }
     }
 
     /// Rest places under the pixels of a slice: O(cells + pixels), the same at any number of threads.
@@ -99,13 +127,13 @@ impl<'a> InverseMap<'a> {
     }
 
     fn paint(&self, raster: &Raster, deformed: bool) -> Vec<Option<Point3>> {
-        let particles = self.lattice.len();
-        let chunks: Vec<Vec<Piece>> = (0..particles.div_ceil(CHUNK))
+        let points = self.lattice.grid.shape.len();
+        let chunks: Vec<Vec<Piece>> = (0..points.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
                 let mut pieces = Vec::new();
-                for particle in chunk * CHUNK..particles.min((chunk + 1) * CHUNK) {
-                    self.cell(raster, particle as u32, deformed, &mut pieces);
+                for point in chunk * CHUNK..points.min((chunk + 1) * CHUNK) {
+                    self.cell(raster, point, deformed, &mut pieces);
                 }
                 pieces
             })
@@ -135,54 +163,136 @@ impl<'a> InverseMap<'a> {
         pixels
     }
 
-    /// Adds the tetrahedra of the cell whose lowest corner is this particle that meet the plane.
-    fn cell(&self, raster: &Raster, particle: u32, deformed: bool, pieces: &mut Vec<Piece>) {
+    /// Adds the tetrahedra of the cell above this grid point that meet the plane.
+    fn cell(&self, raster: &Raster, point: usize, deformed: bool, pieces: &mut Vec<Piece>) {
         let lattice = self.lattice;
         let shape = lattice.grid.shape;
-        let [i, j, k] = lattice.ijk(particle);
+        let [i, j, k] = shape.ijk(point);
         if i + 1 >= shape.nx || j + 1 >= shape.ny || k + 1 >= shape.nz {
             return;
         }
-        let mut corners = [0; CORNERS];
-        for (corner, found) in corners.iter_mut().enumerate() {
-            *found = lattice.particle_at[shape.linear([i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)])];
-            if *found == NO_PARTICLE {
-                return;
-            }
+        let points: [usize; CORNERS] =
+            std::array::from_fn(|c| shape.linear([i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)]));
+        let particle = points.map(|point| lattice.particle_at[point]);
+        if !particle.iter().any(|&p| self.is_tissue(p)) {
+            return;
         }
+        let cell = Cell { particle, rest: points.map(|point| lattice.grid.place(point)) };
         let axis = raster.plane.axis.index();
-        let rest = corners.map(|corner| lattice.rest_place(corner));
-        let place: [Point3; CORNERS] = std::array::from_fn(|corner| {
-            let displacement = self.displacements[corners[corner] as usize].map(f64::from);
-            if deformed { rest[corner] + Vector3::from(displacement) } else { rest[corner] }
-        });
-        let height = place.map(|place| place[axis] - raster.plane.at_mm);
-        if height.iter().all(|&h| h > 0.0) || height.iter().all(|&h| h < 0.0) {
+        // Corners without a particle are put at most four pitches from one, the largest stretch of a gradient.
+        let missing = particle.contains(&NO_PARTICLE) || deformed;
+        let reach = if missing { 4.0 * 3.0_f64.sqrt() * lattice.pitch * 1e3 } else { 0.0 };
+        let height = (0..CORNERS)
+            .filter(|&c| particle[c] != NO_PARTICLE)
+            .map(|c| self.place(&cell, c, deformed)[axis] - raster.plane.at_mm);
+        let (low, high) = height.fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
+        if low > reach || high < -reach {
             return;
         }
         for tetrahedron in TETRAHEDRA {
-            if deformed && self.is_severed(&corners, tetrahedron) {
+            let parted = |a: usize, b: usize| deformed && self.is_severed(&cell, tetrahedron[a], tetrahedron[b]);
+            let whole = tetrahedron.iter().all(|&c| particle[c] != NO_PARTICLE)
+                && (0..4).all(|a| (a + 1..4).all(|b| !parted(a, b)));
+            let rest = tetrahedron.map(|c| cell.rest[c]);
+            if whole {
+                let fringe = tetrahedron.map(|c| !self.is_tissue(particle[c]));
+                if fringe != [true; 4] {
+                    pieces.extend(Piece::new(
+                        raster,
+                        tetrahedron.map(|c| self.place(&cell, c, deformed)),
+                        rest,
+                        fringe,
+                    ));
+                }
                 continue;
             }
-            let fringe = tetrahedron.map(|c| lattice.organ[corners[c] as usize] == FRINGE);
-            if fringe != [true; 4] {
-                pieces.extend(Piece::new(raster, tetrahedron.map(|c| place[c]), tetrahedron.map(|c| rest[c]), fringe));
+            for group in self.groups(&cell, tetrahedron, parted).into_iter().filter(|&group| group != 0) {
+                let place = |corner: usize| self.place_with(&cell, tetrahedron, group, corner, deformed, parted);
+                if let [Some(a), Some(b), Some(c), Some(d)] = [place(0), place(1), place(2), place(3)] {
+                    let beyond = [0, 1, 2, 3].map(|corner| group >> corner & 1 == 0);
+                    pieces.extend(Piece::new(raster, [a, b, c, d], rest, beyond));
+                }
             }
         }
     }
 
-    fn is_severed(&self, corners: &[u32; CORNERS], tetrahedron: [usize; 4]) -> bool {
-        (0..4).any(|a| {
-            (a + 1..4).any(|b| {
-                let bit = |corner: usize, axis: usize| (corner >> axis & 1) as i32;
-                let (from, to) = (tetrahedron[a], tetrahedron[b]);
-                let direction = neighbours::direction_of([0, 1, 2].map(|axis| bit(to, axis) - bit(from, axis)));
-                let particle = corners[from] as usize;
-                // A pair without a spring at rest (two rigid particles, say) was never cut.
-                let gone = self.lattice.springs[particle] & !self.topology.alive()[particle];
-                gone & (1 << direction) != 0
-            })
-        })
+    fn is_tissue(&self, particle: u32) -> bool {
+        particle != NO_PARTICLE && self.lattice.organ[particle as usize] != FRINGE
+    }
+
+    /// Place of a corner that holds a particle, RAS+ [mm].
+    fn place(&self, cell: &Cell, corner: usize, deformed: bool) -> Point3 {
+        if !deformed {
+            return cell.rest[corner];
+        }
+        cell.rest[corner] + Vector3::from(self.displacements[cell.particle[corner] as usize].map(f64::from))
+    }
+
+    /// The groups of tissue corners of a tetrahedron that hold together, one bit per corner; 0 where there is none.
+    fn groups(&self, cell: &Cell, tetrahedron: [usize; 4], parted: impl Fn(usize, usize) -> bool) -> [u8; 4] {
+        let tissue = |corner: usize| self.is_tissue(cell.particle[tetrahedron[corner]]);
+        // Group of each corner: the lowest corner it is joined to, over one or more others.
+        let mut group = [0, 1, 2, 3];
+        for _ in 0..3 {
+            for a in 0..4 {
+                for b in 0..4 {
+                    if a != b && tissue(a) && tissue(b) && !parted(a, b) {
+                        group[b] = group[b].min(group[a]);
+                    }
+                }
+            }
+        }
+        [0, 1, 2, 3]
+            .map(|first| (0..4).filter(|&c| tissue(c) && group[c] == first).fold(0, |bits, corner| bits | 1 << corner))
+    }
+
+    /// Where a group carries a corner of its tetrahedron: to its particle if the two hold together, else by the
+    /// deformation around the group.
+    fn place_with(
+        &self,
+        cell: &Cell,
+        tetrahedron: [usize; 4],
+        group: u8,
+        corner: usize,
+        deformed: bool,
+        parted: impl Fn(usize, usize) -> bool,
+    ) -> Option<Point3> {
+        let at = tetrahedron[corner];
+        if !deformed {
+            return Some(cell.rest[at]);
+        }
+        let members = || (0..4).filter(move |&member| group >> member & 1 == 1);
+        let own = group >> corner & 1 == 1;
+        let joined = || cell.particle[at] != NO_PARTICLE && members().any(|member| !parted(member, corner));
+        if own || joined() {
+            return Some(self.place(cell, at, true));
+        }
+        let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+        for member in members() {
+            let from = tetrahedron[member];
+            let particle = cell.particle[from] as usize;
+            let gradient = self.gradients.get(self.gradient_at[particle] as usize)?;
+            sum += Vector3::from(self.displacements[particle].map(f64::from));
+            for (axis, along) in gradient.iter().enumerate() {
+                let step = (at >> axis & 1) as f64 - (from >> axis & 1) as f64;
+                sum += step * Vector3::from(along.map(f64::from));
+            }
+            count += 1.0;
+        }
+        Some(cell.rest[at] + sum / count)
+    }
+
+    /// True when a blade went through the spring between two corners.
+    fn is_severed(&self, cell: &Cell, from: usize, to: usize) -> bool {
+        let [near, far] = [from, to].map(|corner| cell.particle[corner]);
+        if near == NO_PARTICLE || far == NO_PARTICLE {
+            return false;
+        }
+        let bit = |corner: usize, axis: usize| (corner >> axis & 1) as i32;
+        let direction = direction_of([0, 1, 2].map(|axis| bit(to, axis) - bit(from, axis)));
+        // A pair without a spring at rest (two rigid particles, say) was never cut.
+        let gone = self.lattice.springs[near as usize] & !self.topology.alive()[near as usize];
+        gone & (1 << direction) != 0
     }
 }
 

@@ -13,7 +13,7 @@ pub mod check;
 mod embed;
 mod extract;
 pub mod field;
-mod gradient;
+pub(crate) mod gradient;
 mod junction;
 mod marching_cubes;
 pub mod mesh;

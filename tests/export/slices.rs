@@ -225,12 +225,19 @@ fn a_cut_opens_and_the_place_left_is_empty() {
     };
     // Columns lie at -6, -4.5, ..., 6 mm; 3 and 4 are at -1.5 and 0, pulled to 4.
     assert!(matches!(at(-3.0), Carried::From(rest) if (rest.x + 3.0).abs() < 0.3));
-    for x in [-1.0, 0.5, 2.0, 3.5] {
+    // Each side reaches half a pitch beyond its last particles, carried as they are.
+    assert!(matches!(at(-0.9), Carried::From(rest) if (rest.x + 0.9).abs() < 0.3));
+    assert!(matches!(at(3.4), Carried::From(rest) if (rest.x + 0.6).abs() < 0.3));
+    for x in [-0.4, 0.5, 2.0, 3.0] {
         assert_eq!(at(x), Carried::Left, "{x}");
     }
     assert!(matches!(at(7.0), Carried::From(rest) if (rest.x - 3.0).abs() < 0.3));
     assert!(matches!(at(9.5), Carried::From(_)));
     assert_eq!(at(11.0), Carried::Elsewhere);
+    // A cut that has not opened leaves no gap.
+    let still = vec![[0.0; 3]; lattice.len()];
+    let closed = InverseMap::new(&lattice, &topology, &still).carried(&raster);
+    assert!(closed.pixels().iter().all(|pixel| *pixel != Carried::Left));
     // Without the cut the gap would be stretched tissue.
     let whole = Topology::new(&lattice);
     let uncut = InverseMap::new(&lattice, &whole, &displacements).carried(&raster);
