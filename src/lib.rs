@@ -53,15 +53,11 @@
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! use yawara::cut::Blade;
-//! use yawara::dynamics::{World, stable_dt};
-//! use yawara::geometry::{Point3, Vector3};
-//! use yawara::io::{nifti, stl};
-//! use yawara::lattice::build::{Border, NO_ORGAN, build};
-//! use yawara::lattice::{Topology, region::Region};
+//! use yawara::{cut::Blade, dynamics::World, dynamics::stable_dt::stable_dt, geometry::{Point3, Vector3}, volume::Volume};
+//! use yawara::lattice::{Topology, build::{Border, NO_ORGAN, build}, region::Region};
 //! use yawara::material::tissue::{TissueBody, assemble};
 //! use yawara::surface::{Surface, field, mesh::OrganMesh};
-//! use yawara::volume::Volume;
+//! use yawara::io::{nifti, stl};
 //!
 //! # let folder = tempfile::tempdir()?;
 //! # let folder = folder.path();
@@ -74,7 +70,7 @@
 //! // Soft tissue, and the step it allows.
 //! let liver = TissueBody { youngs_modulus: 5e3, density: 1060.0, damping_ratio: 0.2 };
 //! let assembly = assemble(&lattice, &[Some(liver)]);
-//! let dt = 0.95 * stable_dt::stable_dt(&lattice, &Topology::new(&lattice), &assembly);
+//! let dt = 0.95 * stable_dt(&lattice, &Topology::new(&lattice), &assembly);
 //! let mut world = World::new(lattice, assembly, dt);
 //!
 //! // Hold the left, pull the right (N), and sweep a blade 1 m wide down to the middle, in the lattice's own metres.
@@ -84,11 +80,8 @@
 //! world.set_force(pull, Vector3::new(0.1, 0.0, 0.0));
 //! let edge = vec![Point3::new(0.02, -0.5, 0.1), Point3::new(0.02, 0.5, 0.1)];
 //! let blade = Blade::new(edge, &[Vector3::zeros(), Vector3::new(0.0, 0.0, -0.08)]);
-//! let severed = world.cut(&blade.sweep(0.0, blade.path_length()));
-//! assert!(severed > 0);
-//! for _ in 0..200 {
-//!     world.step()?;
-//! }
+//! assert!(world.cut(&blade.sweep(0.0, blade.path_length())) > 0);
+//! (0..200).try_for_each(|_| world.step())?;
 //!
 //! // The surface as it is now, closed and opened by the cut, in patient mm.
 //! let values = field::smoothed(world.lattice(), 0, field::SMOOTHING_PASSES);
