@@ -55,7 +55,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use yawara::{cut::Blade, dynamics::World, dynamics::stable_dt::stable_dt, geometry::{Point3, Vector3}, volume::Volume};
 //! use yawara::lattice::{Topology, build::{Border, NO_ORGAN, build}, region::Region};
-//! use yawara::material::tissue::{TissueBody, assemble};
+//! use yawara::material::tissue::{Damping, TissueBody, assemble};
 //! use yawara::surface::{Surface, field, mesh::OrganMesh};
 //! use yawara::io::{nifti, stl};
 //!
@@ -68,7 +68,7 @@
 //! let lattice = build(&Volume::from_vec(*labels.grid(), organs), Border::Cells, &[false])?;
 //!
 //! // Soft tissue, and the step it allows.
-//! let liver = TissueBody { youngs_modulus: 5e3, density: 1060.0, damping_ratio: 0.2 };
+//! let liver = TissueBody { youngs_modulus: 5e3, poissons_ratio: 0.25, density: 1060.0, damping: Damping::Ratio(0.2) };
 //! let assembly = assemble(&lattice, &[Some(liver)]);
 //! let dt = 0.95 * stable_dt(&lattice, &Topology::new(&lattice), &assembly);
 //! let mut world = World::new(lattice, assembly, dt);

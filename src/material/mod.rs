@@ -35,6 +35,19 @@ pub struct Assembly {
     pub stiffness: SpringConstants,
     /// Damping of every spring [N s/m]; `None` when nothing damps.
     pub damping: Option<SpringConstants>,
+    /// What cells add against a change of their volume; `None` when no cell adds anything.
+    pub volume: Option<VolumeTerm>,
+}
+
+/// Energy `1/2 lambda h^3 (J - 1)^2` of every cell, with `J` the determinant of the cell's mean deformation gradient: what
+/// springs alone, whose Poisson's ratio is 1/4, lack. The cell of a particle is the cube above it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeTerm {
+    /// `lambda` of each cell, already scaled by how much of it is tissue [Pa]; negative below a Poisson's ratio of 1/4.
+    /// Shape `[particles]`.
+    pub modulus: Vec<f32>,
+    /// The same for the rate of change of volume [Pa s], never negative; `None` when nothing damps. Shape `[particles]`.
+    pub viscosity: Option<Vec<f32>>,
 }
 
 impl SpringConstants {

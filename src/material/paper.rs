@@ -29,6 +29,7 @@ pub fn assemble(lattice: &Lattice, bodies: &[Option<PaperBody>]) -> Assembly {
         mass,
         stiffness: constants(lattice, bodies, |b| b.stiffness),
         damping: damped.then(|| constants(lattice, bodies, |b| b.damping)),
+        volume: None,
     }
 }
 

@@ -27,17 +27,43 @@ use crate::lattice::{FRINGE, Lattice, NO_PARTICLE};
 pub struct TissueBody {
     /// Young's modulus [Pa].
     pub youngs_modulus: f64,
+    /// Poisson's ratio, from 0 to 0.49; at 1/4 springs alone are enough.
+    pub poissons_ratio: f64,
     /// Density [kg/m^3].
     pub density: f64,
-    /// Damping relative to critical at the lattice's own frequency `sqrt(E / density) / pitch`; slower modes are damped
-    /// less, in proportion to their frequency.
-    pub damping_ratio: f64,
+    /// How motion dies out.
+    pub damping: Damping,
+}
+
+/// Damping in proportion to stiffness, given in one of two ways.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Damping {
+    /// Relative to critical at the lattice's own frequency `sqrt(E / density) / pitch`; slower modes are damped less, in
+    /// proportion to their frequency. The finer the lattice, the less a mode of given frequency is damped.
+    Ratio(f64),
+    /// Viscosity of a slowly pulled bar [Pa s]: stress is `E` times strain plus this times the rate of strain. The same
+    /// material at every pitch.
+    Viscosity(f64),
 }
 
 impl TissueBody {
-    /// Ratio of damping to stiffness [s]: `2 zeta / omega` at the lattice's own frequency.
+    /// Ratio of damping to stiffness [s].
     pub fn damping_time(&self, pitch: f64) -> f64 {
-        2.0 * self.damping_ratio * pitch * (self.density / self.youngs_modulus).sqrt()
+        match self.damping {
+            Damping::Ratio(ratio) => 2.0 * ratio * pitch * (self.density / self.youngs_modulus).sqrt(),
+            Damping::Viscosity(viscosity) => viscosity / self.youngs_modulus,
+        }
+    }
+
+    /// Young's modulus of springs that have this material's shear modulus and a Poisson's ratio of 1/4 [Pa].
+    pub fn spring_modulus(&self) -> f64 {
+        2.5 * self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+    }
+
+    /// What the volume term adds to the springs' bulk: Lame's first constant less the shear modulus [Pa].
+    pub fn volume_modulus(&self) -> f64 {
+        let nu = self.poissons_ratio;
+        self.youngs_modulus * (4.0 * nu - 1.0) / (2.0 * (1.0 + nu) * (1.0 - 2.0 * nu))
     }
 }
 
@@ -77,7 +103,7 @@ pub fn assemble(lattice: &Lattice, bodies: &[Option<TissueBody>]) -> Assembly {
         .collect();
 
     let weight = cell_weights(lattice.pitch);
-    let damped = bodies.iter().flatten().any(|body| body.damping_ratio > 0.0);
+    let damped = bodies.iter().flatten().any(|body| body.damping_time(lattice.pitch) > 0.0);
     Assembly {
         mass,
         stiffness: SpringConstants::SumOfCells { cell: cells.iter().map(|cell| cell.modulus as f32).collect(), weight },
@@ -85,6 +111,7 @@ pub fn assemble(lattice: &Lattice, bodies: &[Option<TissueBody>]) -> Assembly {
             cell: cells.iter().map(|cell| cell.viscosity as f32).collect(),
             weight,
         }),
+        volume: None,
     }
 }
 
@@ -139,7 +166,8 @@ mod tests {
     use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
     use crate::volume::Volume;
 
-    const BODY: TissueBody = TissueBody { youngs_modulus: 5e3, density: 1060.0, damping_ratio: 0.2 };
+    const BODY: TissueBody =
+        TissueBody { youngs_modulus: 5e3, poissons_ratio: 0.25, density: 1060.0, damping: Damping::Ratio(0.2) };
 
     fn block(n: usize) -> Lattice {
         let grid = Grid { shape: GridShape::new(n, n, n), affine: Affine::from_spacing([3.0; 3], [0.0; 3]).unwrap() };

@@ -7,7 +7,7 @@ use crate::lattice::build::{Border, BuildLatticeError, NO_ORGAN, OrganMap, build
 use crate::lattice::{Lattice, Topology};
 use crate::material::Assembly;
 use crate::material::paper::{self, PaperBody};
-use crate::material::tissue::{self, TissueBody};
+use crate::material::tissue::{self, Damping, TissueBody};
 use crate::scene::resolved::{Body, Model, Scene, TimeSpec, VoxelSelection};
 use crate::volume::{LabelVolume, ResampleError, Volume, grid_with_spacing, resample_labels};
 
@@ -168,9 +168,12 @@ fn assemble(scene: &Scene, lattice: &Lattice) -> Assembly {
                 .organs
                 .iter()
                 .map(|organ| match organ.body {
-                    Body::Tissue { youngs_modulus, density, damping_ratio } => {
-                        Some(TissueBody { youngs_modulus, density, damping_ratio })
-                    }
+                    Body::Tissue { youngs_modulus, density, damping_ratio } => Some(TissueBody {
+                        youngs_modulus,
+                        poissons_ratio: 0.25,
+                        density,
+                        damping: Damping::Ratio(damping_ratio),
+                    }),
                     Body::Paper { .. } | Body::Rigid => None,
                 })
                 .collect();

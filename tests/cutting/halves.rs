@@ -6,7 +6,7 @@ use yawara::dynamics::measure::balance;
 use yawara::dynamics::stable_dt::stable_dt;
 use yawara::geometry::{Point3, Vector3};
 use yawara::material::paper::PaperBody;
-use yawara::material::tissue::TissueBody;
+use yawara::material::tissue::{Damping, TissueBody};
 
 use crate::oracle::living;
 use crate::support::*;
@@ -20,7 +20,7 @@ fn across(world: &World, i: f64) -> Blade {
 
 fn worlds() -> Vec<(&'static str, World)> {
     let damped = PaperBody { damping: 1e-3, ..PAPER };
-    let tissue = TissueBody { damping_ratio: 0.3, ..TISSUE };
+    let tissue = TissueBody { damping: Damping::Ratio(0.3), ..TISSUE };
     let stiff = TissueBody { youngs_modulus: 5e4, ..tissue };
     vec![
         ("paper", world(paper_lattice(&block([24, 9, 9]), &[Some(PAPER)]))),

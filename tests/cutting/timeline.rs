@@ -4,7 +4,7 @@ use yawara::dynamics::World;
 use yawara::dynamics::timeline::{Event, Timeline, What};
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
-use yawara::material::tissue::TissueBody;
+use yawara::material::tissue::{Damping, TissueBody};
 use yawara::scene::resolved::{Action, Operation};
 
 use crate::support::*;
@@ -12,7 +12,7 @@ use crate::support::*;
 const ENDLESS: f64 = f64::INFINITY;
 
 fn bar() -> World {
-    world(tissue_lattice(&block([12, 5, 5]), &[Some(TissueBody { damping_ratio: 0.3, ..TISSUE })]))
+    world(tissue_lattice(&block([12, 5, 5]), &[Some(TissueBody { damping: Damping::Ratio(0.3), ..TISSUE })]))
 }
 
 /// Particles whose grid index i lies in a range.
@@ -172,7 +172,7 @@ fn a_region_without_particles_is_refused_by_name() {
 /// Cut, pulled and pushed at the same time: the same bits at any number of threads and with or without the fast body.
 #[test]
 fn a_scripted_run_gives_the_same_bits_at_any_number_of_threads() {
-    let damped = TissueBody { damping_ratio: 0.2, ..TISSUE };
+    let damped = TissueBody { damping: Damping::Ratio(0.2), ..TISSUE };
     let start = world(tissue_lattice(&blob([40, 18, 17], 0.97, 7), &[Some(damped), Some(damped)]));
     let dt = start.dt();
     let middle = start.lattice().grid.affine.apply(Point3::new(20.3, 9.0, 18.0));

@@ -20,9 +20,14 @@ fn worlds() -> Vec<(String, World)> {
     for (damper, damping, ratio) in [("undamped", 0.0, 0.0), ("damped", 2e-3, 0.3)] {
         let paper = yawara::material::paper::PaperBody { damping, ..PAPER };
         let stiff = yawara::material::paper::PaperBody { stiffness: 25.0, damping: 0.5 * damping, mass: 5e-5 };
-        let tissue = yawara::material::tissue::TissueBody { damping_ratio: ratio, ..TISSUE };
-        let dense =
-            yawara::material::tissue::TissueBody { youngs_modulus: 2e4, density: 2000.0, damping_ratio: 2.0 * ratio };
+        let tissue =
+            yawara::material::tissue::TissueBody { damping: yawara::material::tissue::Damping::Ratio(ratio), ..TISSUE };
+        let dense = yawara::material::tissue::TissueBody {
+            youngs_modulus: 2e4,
+            poissons_ratio: 0.25,
+            density: 2000.0,
+            damping: yawara::material::tissue::Damping::Ratio(2.0 * ratio),
+        };
         let mut add = |name: &str, lattice| worlds.push((format!("{name}, {damper}"), world(lattice)));
         add("paper block", paper_lattice(&block(full), &[Some(paper)]));
         add("paper blob", paper_lattice(&blob([21, 19, 17], 0.7, 1), &[Some(paper), Some(paper)]));

@@ -10,7 +10,7 @@ use yawara::dynamics::{StepError, World};
 use yawara::geometry::{Matrix3, Vector3};
 use yawara::kernel::reference::spring_forces;
 use yawara::material::paper::PaperBody;
-use yawara::material::tissue::TissueBody;
+use yawara::material::tissue::{Damping, TissueBody};
 
 #[test]
 fn free_fall_is_that_of_the_discrete_equation() {
@@ -38,7 +38,7 @@ fn free_fall_is_that_of_the_discrete_equation() {
 #[test]
 fn momentum_is_kept_to_rounding() {
     let damped = PaperBody { damping: 1e-3, ..PAPER };
-    let tissue = TissueBody { damping_ratio: 0.3, ..TISSUE };
+    let tissue = TissueBody { damping: Damping::Ratio(0.3), ..TISSUE };
     for lattice in [
         paper_lattice(&blob([12, 12, 12], 0.8, 1), &[Some(damped), Some(damped)]),
         tissue_lattice(&blob([12, 12, 12], 0.6, 2), &[Some(tissue), Some(tissue)]),
@@ -64,7 +64,7 @@ fn momentum_is_kept_to_rounding() {
 #[test]
 fn rigid_rotation_has_no_force() {
     let damped = PaperBody { damping: 2e-3, ..PAPER };
-    let tissue = TissueBody { damping_ratio: 0.5, ..TISSUE };
+    let tissue = TissueBody { damping: Damping::Ratio(0.5), ..TISSUE };
     for lattice in
         [paper_lattice(&block([9, 8, 7]), &[Some(damped)]), tissue_lattice(&block([9, 8, 7]), &[Some(tissue)])]
     {
@@ -171,7 +171,7 @@ fn a_tissue_block_has_the_modulus_that_was_asked_for() {
 #[test]
 fn a_pulled_bar_stretches_as_youngs_modulus_says() {
     let dims = [30, 4, 4];
-    let mut world = world(tissue_lattice(&block(dims), &[Some(TissueBody { damping_ratio: 2.0, ..TISSUE })]));
+    let mut world = world(tissue_lattice(&block(dims), &[Some(TissueBody { damping: Damping::Ratio(2.0), ..TISSUE })]));
     let at = |world: &World, i: usize| -> Vec<u32> {
         particles(world).into_iter().filter(|&p| world.lattice().ijk(p)[0] == i).collect()
     };

@@ -9,7 +9,7 @@ use yawara::dynamics::{StepError, World};
 use yawara::geometry::{Affine, Vector3};
 use yawara::lattice::build::NO_ORGAN;
 use yawara::material::paper::PaperBody;
-use yawara::material::tissue::TissueBody;
+use yawara::material::tissue::{Damping, TissueBody};
 
 /// Steps until the number is reached or the state diverges; whatever happens, all places are finite, after every step.
 fn survive(name: &str, world: &mut World, steps: usize) -> Option<StepError> {
@@ -32,7 +32,7 @@ fn blocks() -> Vec<(String, World)> {
     for damped in [false, true] {
         let ratio = if damped { 0.4 } else { 0.0 };
         let paper = PaperBody { damping: 2e-3 * ratio, ..PAPER };
-        let tissue = TissueBody { damping_ratio: ratio, ..TISSUE };
+        let tissue = TissueBody { damping: Damping::Ratio(ratio), ..TISSUE };
         worlds.push((format!("paper, damped: {damped}"), world(paper_lattice(&block([7, 6, 6]), &[Some(paper)]))));
         worlds.push((format!("tissue, damped: {damped}"), world(tissue_lattice(&block([6, 5, 5]), &[Some(tissue)]))));
     }
@@ -92,7 +92,7 @@ fn contrasts_of_a_million_are_stable() {
     let soft = PaperBody { stiffness: 1e-2, damping: 1e-6, mass: 3e-5 };
     let stiff = PaperBody { stiffness: 1e4, damping: 1e-3, ..soft };
     let heavy = PaperBody { mass: 3e-5 * 1e6, ..soft };
-    let jelly = TissueBody { youngs_modulus: 1e2, density: 1e3, damping_ratio: 0.1 };
+    let jelly = TissueBody { youngs_modulus: 1e2, poissons_ratio: 0.25, density: 1e3, damping: Damping::Ratio(0.1) };
     let steel = TissueBody { youngs_modulus: 1e8, ..jelly };
     let light = TissueBody { density: 1e-3, ..jelly };
     let map = blob([9, 8, 8], 0.8, 2);
@@ -159,7 +159,7 @@ fn a_body_in_flight_is_not_a_diverged_one() {
 #[test]
 fn rest_stays_rest_exactly() {
     let damped = PaperBody { damping: 1e-3, ..PAPER };
-    let tissue = TissueBody { damping_ratio: 0.3, ..TISSUE };
+    let tissue = TissueBody { damping: Damping::Ratio(0.3), ..TISSUE };
     for lattice in [
         paper_lattice(&blob([5, 4, 4], 0.8, 4), &[Some(damped), Some(PAPER)]),
         tissue_lattice(&blob([4, 3, 3], 0.8, 5), &[Some(tissue), None]),

@@ -7,14 +7,15 @@ use yawara::geometry::{Affine, Grid, GridShape, Vector3};
 use yawara::lattice::build::{Border, NO_ORGAN, OrganMap, build};
 use yawara::lattice::{Lattice, Topology};
 use yawara::material::paper::PaperBody;
-use yawara::material::tissue::TissueBody;
+use yawara::material::tissue::{Damping, TissueBody};
 use yawara::material::{Assembly, paper, tissue};
 use yawara::volume::Volume;
 
 /// Spring constants of the order of soft tissue at 3 mm.
 pub const PAPER: PaperBody = PaperBody { stiffness: 10.0, damping: 0.0, mass: 3e-5 };
 /// Soft tissue without damping.
-pub const TISSUE: TissueBody = TissueBody { youngs_modulus: 5e3, density: 1000.0, damping_ratio: 0.0 };
+pub const TISSUE: TissueBody =
+    TissueBody { youngs_modulus: 5e3, poissons_ratio: 0.25, density: 1000.0, damping: Damping::Ratio(0.0) };
 
 /// An organ map on 3 mm cubes; `organ` gives the organ of each (i, j, k).
 pub fn organ_map(dims: [usize; 3], organ: impl Fn([usize; 3]) -> u8) -> OrganMap {
