@@ -54,7 +54,7 @@
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use yawara::{cut::Blade, dynamics::World, dynamics::stable_dt::stable_dt, geometry::{Point3, Vector3}, volume::Volume};
-//! use yawara::lattice::{Topology, build::{Border, NO_ORGAN, build}, region::Region};
+//! use yawara::lattice::{Topology, build::NO_ORGAN, cells::build_cells, region::Region};
 //! use yawara::material::tissue::{Damping, TissueBody, assemble};
 //! use yawara::surface::{Surface, field, mesh::OrganMesh};
 //! use yawara::io::{nifti, stl};
@@ -65,7 +65,7 @@
 //! // Which voxels belong to the organ: here label 1.
 //! let (labels, _) = nifti::read_labels(&folder.join("labels.nii.gz"))?;
 //! let organs = labels.as_slice().iter().map(|&label| if label == 1 { 0 } else { NO_ORGAN }).collect();
-//! let lattice = build(&Volume::from_vec(*labels.grid(), organs), Border::Cells, &[false])?;
+//! let lattice = build_cells(&Volume::from_vec(*labels.grid(), organs), None)?;
 //!
 //! // Soft tissue, and the step it allows.
 //! let liver = TissueBody { youngs_modulus: 5e3, poissons_ratio: 0.25, density: 1060.0, damping: Damping::Ratio(0.2) };

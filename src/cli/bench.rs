@@ -11,7 +11,7 @@ use super::messages::out;
 use crate::dynamics::World;
 use crate::geometry::{Affine, Grid, GridShape, Vector3};
 use crate::kernel::dispatch::instruction_set;
-use crate::lattice::build::{Border, build};
+use crate::lattice::build::build;
 use crate::material::paper::{PaperBody, assemble};
 use crate::surface::marching_cubes;
 use crate::volume::Volume;
@@ -36,7 +36,7 @@ fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
     let mut world = {
         let affine = Affine::from_spacing([1e3; 3], [0.0; 3])?;
         let organs = Volume::from_vec(Grid { shape: GridShape::new(n, n, n), affine }, vec![0_u8; n * n * n]);
-        let lattice = build(&organs, Border::Voxels, &[false])?;
+        let lattice = build(&organs)?;
         let assembly = assemble(&lattice, &[Some(PaperBody { stiffness: 10.0, damping: 0.0, mass: 1.0 })]);
         World::new(lattice, assembly, 0.01)
     };

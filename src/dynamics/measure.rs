@@ -6,7 +6,7 @@ use super::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::build::corners;
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, direction_of};
-use crate::lattice::{FRINGE, Lattice, NO_PARTICLE, Topology};
+use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 
 /// Particles whose contributions are summed before the partial sums are added in order: the same sum at any thread count.
 const CHUNK: usize = 65_536;
@@ -66,7 +66,7 @@ pub fn balance(world: &World) -> Balance {
     partial.into_iter().fold(zero, add)
 }
 
-/// Volume of the cells that the surface encloses and no blade went through.
+/// Volume of the tissue in cells that no blade went through.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellVolume {
     /// Sum over these cells now [m^3].
@@ -77,40 +77,50 @@ pub struct CellVolume {
     pub inverted: usize,
 }
 
-/// Volume of the cells whose eight corners belong to organs and whose springs are all alive.
+/// Volume of the tissue in cells whose springs are all alive.
 ///
 /// - `displacement` [m], any orthonormal axes of the lattice's handedness: shape `[particles, 3]`, here as a function.
 /// - A cell's volume is that of its trilinear image, exactly (six tetrahedra round a body diagonal differ from it by the
 ///   warp of the faces; the mean of both splittings of every face does not).
 pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn(u32) -> Vector3 + Sync) -> CellVolume {
-    let shape = lattice.grid.shape;
     let h = lattice.pitch;
-    let of = |particle: u32| -> Option<f64> {
-        let ijk = lattice.ijk(particle);
-        if (0..3).any(|axis| ijk[axis] + 1 >= shape.dims()[axis]) {
-            return None;
-        }
-        let corner = corners(shape, lattice.points[particle as usize] as usize).map(|point| lattice.particle_at[point]);
-        let inside = |p: u32| p != NO_PARTICLE && lattice.organ[p as usize] != FRINGE;
-        if !corner.iter().all(|&p| inside(p)) || !cell_is_whole(topology, &corner) {
+    // Volume of its tissue now and at rest.
+    let of = |particle: u32| -> Option<(f64, f64)> {
+        let (corner, fill) = tissue_cell(lattice, particle)?;
+        if !cell_is_whole(topology, &corner) {
             return None;
         }
         let place: [Vector3; 8] = std::array::from_fn(|c| {
             Vector3::new((c & 1) as f64, (c >> 1 & 1) as f64, (c >> 2) as f64) * h + displacement(corner[c])
         });
-        Some(hexahedron_volume(&place))
+        Some((fill * hexahedron_volume(&place), fill * h.powi(3)))
     };
     let numbers: Vec<u32> = (0..lattice.len() as u32).collect();
-    let partial: Vec<(f64, usize, usize)> = numbers
+    let partial: Vec<(f64, f64, usize)> = numbers
         .par_chunks(CHUNK)
         .map(|chunk| {
-            chunk.iter().filter_map(|&particle| of(particle)).fold((0.0, 0, 0), |(sum, count, inverted), volume| {
-                (sum + volume, count + 1, inverted + usize::from(volume <= 0.0))
+            chunk.iter().filter_map(|&particle| of(particle)).fold((0.0, 0.0, 0), |(now, rest, inverted), volume| {
+                (now + volume.0, rest + volume.1, inverted + usize::from(volume.0 <= 0.0))
             })
         })
         .collect();
-    let (now, count, inverted) = partial.into_iter().fold((0.0, 0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
-    CellVolume { now, rest: count as f64 * h.powi(3), inverted }
+    let (now, rest, inverted) = partial.into_iter().fold((0.0, 0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
+    CellVolume { now, rest, inverted }
+}
+
+/// Corners and fill of the cell above a particle: a cell of material, or, where voxels are particles, the cube between
+/// eight of them.
+fn tissue_cell(lattice: &Lattice, particle: u32) -> Option<([u32; 8], f64)> {
+    if lattice.has_cells() {
+        return Some((lattice.cell(particle)?, f64::from(lattice.cell_fill[particle as usize])));
+    }
+    let shape = lattice.grid.shape;
+    let ijk = lattice.ijk(particle);
+    if (0..3).any(|axis| ijk[axis] + 1 >= shape.dims()[axis]) {
+        return None;
+    }
+    let corner = corners(shape, lattice.points[particle as usize] as usize).map(|point| lattice.particle_at[point]);
+    corner.iter().all(|&p| p != NO_PARTICLE).then_some((corner, 1.0))
 }
 
 /// True when all 28 springs between the corners (x fastest) are alive.

@@ -61,7 +61,7 @@ pub fn gather(field: &[f32], neighbours: &[u32; 27], halo: &mut Halo) {
 mod tests {
     use super::*;
     use crate::geometry::{Affine, Grid, GridShape};
-    use crate::lattice::build::{Border, NO_ORGAN, build};
+    use crate::lattice::build::{NO_ORGAN, build};
     use crate::lattice::layout::BlockLayout;
     use crate::volume::Volume;
 
@@ -72,7 +72,7 @@ mod tests {
         let grid = Grid { shape, affine: Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap() };
         let hole = |[i, j, k]: [usize; 3]| i > 14 && j > 5 && k > 6 && i < 34 && j < 17 && k < 26;
         let organs = (0..shape.len()).map(|l| if hole(shape.ijk(l)) { NO_ORGAN } else { 0 }).collect();
-        let lattice = build(&Volume::from_vec(grid, organs), Border::Voxels, &[false]).unwrap();
+        let lattice = build(&Volume::from_vec(grid, organs)).unwrap();
         let layout = BlockLayout::new(&lattice);
         let mut field = vec![0.0; layout.slots()];
         for (particle, &slot) in layout.slot.iter().enumerate() {

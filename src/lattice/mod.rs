@@ -4,6 +4,7 @@
 //! [`crate::dynamics::World`], living springs in [`Topology`].
 
 pub mod build;
+pub mod cells;
 pub mod layout;
 pub mod neighbours;
 pub mod region;
@@ -16,8 +17,8 @@ use crate::geometry::{Grid, Point3};
 /// Marks a grid point without a particle in [`Lattice::particle_at`].
 pub const NO_PARTICLE: u32 = u32::MAX;
 
-/// Organ of a particle that only carries the border of its neighbours' cells: it has mass and springs, but no tissue
-/// of its own, so the surface passes between it and the organ.
+/// Organ of a particle beyond the border that is drawn, less than half of whose surroundings is tissue: it has mass and
+/// springs, and the surface passes between it and the organ. See [`cells`].
 pub const FRINGE: u8 = u8::MAX;
 
 /// The rest state of a lattice: which grid points hold a particle, to which organ it belongs, and which springs join it.
@@ -37,6 +38,11 @@ pub struct Lattice {
     pub organ: Vec<u8>,
     /// Living springs of each particle at rest, one bit per direction of [`neighbours::OFFSETS`]. Shape `[particles]`.
     pub springs: Vec<u32>,
+    /// Organ of the cell above each particle (the cube towards +x, +y, +z), or [`build::NO_ORGAN`] where there is none.
+    /// Shape `[particles]`; empty where the voxels are particles and not cells (model `paper`).
+    pub cell_organ: Vec<u8>,
+    /// How much of that cell is tissue, 0 to 1. Shape `[particles]`, or empty.
+    pub cell_fill: Vec<f32>,
 }
 
 impl Lattice {
@@ -53,6 +59,20 @@ impl Lattice {
     /// Number of springs at rest, each counted once.
     pub fn spring_count(&self) -> usize {
         self.springs.iter().map(|bits| bits.count_ones() as usize).sum::<usize>() / 2
+    }
+
+    /// True when the voxels are cells of material and the particles their corners (model `tissue`).
+    pub fn has_cells(&self) -> bool {
+        !self.cell_organ.is_empty()
+    }
+
+    /// The corners of the cell above a particle, x fastest, when there is material in it.
+    pub fn cell(&self, particle: u32) -> Option<[u32; 8]> {
+        let organ = self.cell_organ.get(particle as usize)?;
+        (*organ != build::NO_ORGAN).then(|| {
+            build::corners(self.grid.shape, self.points[particle as usize] as usize)
+                .map(|point| self.particle_at[point])
+        })
     }
 
     /// Grid index (i, j, k) of a particle.

@@ -1,8 +1,7 @@
 //! Parts of the lattice by place or tissue: where an operation acts.
 //!
-//! Regions are read at rest: a particle keeps the regions it was born in, wherever it is moved later. Particles of the
-//! [`FRINGE`](super::FRINGE) have a place but no organ, so regions of places take them, [`Region::Organ`] does not, and
-//! the complement of an organ does.
+//! Regions are read at rest: a particle keeps the regions it was born in, wherever it is moved later. In a lattice of cells
+//! an organ has all corners of its cells, so organs that touch share those of their common wall.
 
 use serde::{Deserialize, Serialize};
 
@@ -44,7 +43,7 @@ pub enum Region {
         /// Normal of any length.
         normal: Vector3,
     },
-    /// Particles of one organ: its index in the scene.
+    /// Particles of one organ, or all corners of its cells: its index in the scene.
     Organ(usize),
     /// The `count` particles nearest to a point (ties by particle number).
     Nearest {
@@ -89,8 +88,15 @@ impl Region {
                 by_place(lattice, |place| normal.dot(&(place - point)) >= -BORDER)
             }
             Self::Organ(organ) => {
-                let is_organ = |&own: &u8| own != super::FRINGE && usize::from(own) == *organ;
-                lattice.organ.iter().map(is_organ).collect()
+                let is_organ = |own: u8| own != super::FRINGE && usize::from(own) == *organ;
+                if !lattice.has_cells() {
+                    return lattice.organ.iter().map(|&own| is_organ(own)).collect();
+                }
+                let mut members = vec![false; lattice.len()];
+                for particle in (0..lattice.len() as u32).filter(|&p| is_organ(lattice.cell_organ[p as usize])) {
+                    lattice.cell(particle).into_iter().flatten().for_each(|corner| members[corner as usize] = true);
+                }
+                members
             }
             Self::Nearest { point, count } => nearest(lattice, point, *count),
             Self::All(regions) => combine(lattice, regions, true, |a, b| a && b),
@@ -145,7 +151,8 @@ mod tests {
         let mut particle_at = points.clone();
         particle_at.push(NO_PARTICLE);
         let organ = points.iter().map(|point| [0, 0, 1, FRINGE][*point as usize % 4]).collect();
-        Lattice { grid, pitch: 0.002, springs: vec![0; points.len()], points, particle_at, organ }
+        let (springs, cell_organ, cell_fill) = (vec![0; points.len()], Vec::new(), Vec::new());
+        Lattice { grid, pitch: 0.002, springs, points, particle_at, organ, cell_organ, cell_fill }
     }
 
     fn sphere(center: [f64; 3], radius: f64) -> Region {

@@ -10,17 +10,21 @@
 //! the lattice is isotropic iff `k1 = k2 + 8/3 k3`. Then Lame's constants are equal and Poisson's ratio is 1/4, the
 //! limit of any lattice of central forces. Among these, `k2 = k3 = 6 E h / 35` and `k1 = 22 E h / 35`.
 //!
-//! Cells at an organ's border are partly filled: a voxel gives an eighth of itself to each of the eight cells around
-//! its particle, so mass and cross-section of an organ are those of its voxels, exactly.
+//! Any other Poisson's ratio: the springs are sized for the shear modulus, and every cell adds the energy
+//! `1/2 (lambda - mu) h^3 (J - 1)^2` of its mean change of volume (see [`VolumeTerm`]).
+//!
+//! Cells are voxels, so mass, cross-section and interfaces of organs are those of the voxels, exactly; a voxel that is
+//! partly tissue has so much less of everything.
 //!
 //! Source: the stiffness tensor of a central-force lattice is Born's, `C = 1/(2V) sum k L^2 n n n n`; equal constants for
 //! edge and diagonals, as commonly used, give a Young's modulus that differs twofold between directions.
 
 use rayon::prelude::*;
 
-use super::{Assembly, SpringConstants};
-use crate::lattice::build::corners;
-use crate::lattice::{FRINGE, Lattice, NO_PARTICLE};
+use super::{Assembly, SpringConstants, VolumeTerm};
+use crate::lattice::build::NO_ORGAN;
+use crate::lattice::cells::cells_around;
+use crate::lattice::{Lattice, NO_PARTICLE};
 
 /// Constants of one organ in model `tissue`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,89 +76,104 @@ pub fn cell_weights(pitch: f64) -> [f32; 3] {
     [22.0 / 140.0, 6.0 / 70.0, 6.0 / 35.0].map(|weight| (weight * pitch) as f32)
 }
 
-/// Masses and spring constants of a lattice of model `tissue`. `bodies[organ]` is `None` for a rigid organ.
+/// Masses and spring constants of a lattice of cells. `bodies[organ]` is `None` for a rigid organ.
 ///
-/// A rigid corner counts as the mean of its cell's soft corners, so that an attachment is as stiff as the tissue.
+/// Every corner of a rigid cell is rigid; soft cells beside it are as stiff as elsewhere.
+///
+/// # Panics
+/// If the lattice has no cells.
 pub fn assemble(lattice: &Lattice, bodies: &[Option<TissueBody>]) -> Assembly {
-    let volume = lattice.pitch.powi(3);
-    let cells: Vec<Cell> =
-        (0..lattice.len() as u32).into_par_iter().map(|particle| Cell::above(lattice, particle, bodies)).collect();
+    assemble_varied(lattice, bodies, |_| None)
+}
+
+/// The same with a Young's modulus of its own for every cell where `youngs_modulus(particle)` [Pa] gives one; the cell of a
+/// particle is the cube above it.
+///
+/// # Panics
+/// If the lattice has no cells.
+pub fn assemble_varied(
+    lattice: &Lattice,
+    bodies: &[Option<TissueBody>],
+    youngs_modulus: impl Fn(u32) -> Option<f64> + Sync,
+) -> Assembly {
+    assert!(lattice.has_cells(), "tissue is made of cells");
+    let body_of = |particle: u32| {
+        let organ = lattice.cell_organ[particle as usize];
+        if organ == NO_ORGAN { None } else { bodies[usize::from(organ)] }
+    };
+    let cells: Vec<Cell> = (0..lattice.len() as u32)
+        .into_par_iter()
+        .map(|particle| {
+            body_of(particle).map_or(Cell::default(), |body| {
+                let youngs_modulus = youngs_modulus(particle).unwrap_or(body.youngs_modulus);
+                let fill = f64::from(lattice.cell_fill[particle as usize]);
+                Cell::new(&TissueBody { youngs_modulus, ..body }, fill, lattice.pitch)
+            })
+        })
+        .collect();
 
     // Gathered, not scattered: the sum runs over the up to eight cells around a particle in a fixed order.
     let shape = lattice.grid.shape;
     let mass = (0..lattice.len() as u32)
         .into_par_iter()
         .map(|particle| {
-            let organ = lattice.organ[particle as usize];
-            if organ != FRINGE && bodies[usize::from(organ)].is_none() {
-                return 0.0;
-            }
-            let ijk = lattice.ijk(particle);
             let mut density = 0.0;
-            for c in 0..8_i32 {
-                let below = [-(c & 1), -(c >> 1 & 1), -(c >> 2)];
-                let corner = shape.neighbour(ijk, below).map_or(NO_PARTICLE, |point| lattice.particle_at[point]);
-                if corner != NO_PARTICLE {
-                    density += cells[corner as usize].density;
+            for cell in cells_around(shape, lattice.points[particle as usize] as usize) {
+                let corner = lattice.particle_at[cell];
+                if corner == NO_PARTICLE {
+                    continue;
                 }
+                let organ = lattice.cell_organ[corner as usize];
+                if organ != NO_ORGAN && bodies[usize::from(organ)].is_none() {
+                    return 0.0;
+                }
+                density += cells[corner as usize].density;
             }
-            (density * volume / 8.0) as f32
+            (density * lattice.pitch.powi(3) / 8.0) as f32
         })
         .collect();
 
     let weight = cell_weights(lattice.pitch);
-    let damped = bodies.iter().flatten().any(|body| body.damping_time(lattice.pitch) > 0.0);
+    let of_cells = |value: fn(&Cell) -> f64| cells.iter().map(|cell| value(cell) as f32).collect::<Vec<f32>>();
+    let damped = cells.iter().any(|cell| cell.viscosity > 0.0);
     Assembly {
         mass,
-        stiffness: SpringConstants::SumOfCells { cell: cells.iter().map(|cell| cell.modulus as f32).collect(), weight },
-        damping: damped.then(|| SpringConstants::SumOfCells {
-            cell: cells.iter().map(|cell| cell.viscosity as f32).collect(),
-            weight,
+        stiffness: SpringConstants::SumOfCells { cell: of_cells(|cell| cell.modulus), weight },
+        damping: damped.then(|| SpringConstants::SumOfCells { cell: of_cells(|cell| cell.viscosity), weight }),
+        volume: cells.iter().any(|cell| cell.volume_modulus != 0.0).then(|| VolumeTerm {
+            modulus: of_cells(|cell| cell.volume_modulus),
+            viscosity: damped.then(|| of_cells(|cell| cell.volume_viscosity)),
         }),
-        volume: None,
     }
 }
 
-/// Averages over a cell, already scaled by how much of it is tissue.
+/// What a cell is made of, already scaled by how much of it is tissue.
 #[derive(Clone, Copy, Default)]
 struct Cell {
-    /// [Pa]
+    /// Of the springs [Pa].
     modulus: f64,
     /// Modulus times damping time [Pa s].
     viscosity: f64,
+    /// Of the volume term [Pa].
+    volume_modulus: f64,
+    /// The same times damping time, where it damps at all [Pa s].
+    volume_viscosity: f64,
     /// [kg/m^3]
     density: f64,
 }
 
 impl Cell {
-    fn above(lattice: &Lattice, particle: u32, bodies: &[Option<TissueBody>]) -> Self {
-        let shape = lattice.grid.shape;
-        let ijk = lattice.ijk(particle);
-        if (0..3).any(|axis| ijk[axis] + 1 >= shape.dims()[axis]) {
-            return Self::default();
+    fn new(body: &TissueBody, fill: f64, pitch: f64) -> Self {
+        let damping_time = body.damping_time(pitch);
+        let (modulus, volume_modulus) = (fill * body.spring_modulus(), fill * body.volume_modulus());
+        Self {
+            modulus,
+            viscosity: modulus * damping_time,
+            volume_modulus,
+            // Below a Poisson's ratio of 1/4 a damper in proportion would drive, not damp.
+            volume_viscosity: volume_modulus.max(0.0) * damping_time,
+            density: fill * body.density,
         }
-        let mut sum = Self::default();
-        let (mut soft, mut rigid) = (0.0, 0.0);
-        for corner in corners(shape, lattice.points[particle as usize] as usize) {
-            let corner = lattice.particle_at[corner];
-            if corner == NO_PARTICLE || lattice.organ[corner as usize] == FRINGE {
-                continue;
-            }
-            match &bodies[usize::from(lattice.organ[corner as usize])] {
-                Some(body) => {
-                    soft += 1.0;
-                    sum.modulus += body.youngs_modulus;
-                    sum.viscosity += body.youngs_modulus * body.damping_time(lattice.pitch);
-                    sum.density += body.density;
-                }
-                None => rigid += 1.0,
-            }
-        }
-        if soft == 0.0 {
-            return Self::default();
-        }
-        let scale = (soft + rigid) / (8.0 * soft);
-        Self { modulus: sum.modulus * scale, viscosity: sum.viscosity * scale, density: sum.density * scale }
     }
 }
 
@@ -162,7 +181,8 @@ impl Cell {
 mod tests {
     use super::*;
     use crate::geometry::{Affine, Grid, GridShape, Vector3};
-    use crate::lattice::build::{Border, build};
+    use crate::lattice::build::OrganMap;
+    use crate::lattice::cells::build_cells;
     use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
     use crate::volume::Volume;
 
@@ -171,7 +191,7 @@ mod tests {
 
     fn block(n: usize) -> Lattice {
         let grid = Grid { shape: GridShape::new(n, n, n), affine: Affine::from_spacing([3.0; 3], [0.0; 3]).unwrap() };
-        build(&Volume::from_vec(grid, vec![0; n * n * n]), Border::Cells, &[false]).unwrap()
+        build_cells(&OrganMap::from_vec(grid, vec![0; n * n * n]), None).unwrap()
     }
 
     #[test]
@@ -208,12 +228,36 @@ mod tests {
     }
 
     #[test]
-    fn border_cells_are_scaled_by_their_tissue() {
-        let grid = Grid { shape: GridShape::new(1, 1, 1), affine: Affine::from_spacing([2.0; 3], [0.0; 3]).unwrap() };
-        let lattice = build(&Volume::from_vec(grid, vec![0]), Border::Cells, &[false]).unwrap();
+    fn cells_are_scaled_by_their_tissue() {
+        let grid = Grid { shape: GridShape::new(2, 1, 1), affine: Affine::from_spacing([2.0; 3], [0.0; 3]).unwrap() };
+        let fill = Volume::from_vec(grid, vec![1.0, 0.25]);
+        let lattice = build_cells(&OrganMap::from_vec(grid, vec![0; 2]), Some(&fill)).unwrap();
         let assembly = assemble(&lattice, &[Some(BODY)]);
         let SpringConstants::SumOfCells { cell, .. } = &assembly.stiffness else { panic!("tissue sums cells") };
-        assert_eq!(cell.iter().filter(|&&e| e == 5e3 / 8.0).count(), 8);
-        assert_eq!(cell.iter().filter(|&&e| e == 0.0).count(), 19);
+        let filled: Vec<f32> = cell.iter().copied().filter(|&modulus| modulus > 0.0).collect();
+        assert_eq!(filled, [5e3, 1.25e3]);
+        let total: f64 = assembly.mass.iter().map(|&m| f64::from(m)).sum();
+        assert!((total / (1060.0 * 1.25 * 8e-9) - 1.0).abs() < 1e-6);
+        assert_eq!(assembly.volume, None, "at a quarter, springs are enough");
+    }
+
+    #[test]
+    fn moduli_of_any_poissons_ratio() {
+        for nu in [0.0, 0.1, 0.25, 0.3, 0.45, 0.49] {
+            let body = TissueBody { poissons_ratio: nu, ..BODY };
+            let (mu, lambda) = (5e3 / (2.0 * (1.0 + nu)), 5e3 * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)));
+            assert!((body.spring_modulus() / 2.5 - mu).abs() < 1e-9 * mu);
+            assert!((body.volume_modulus() - (lambda - mu)).abs() < 1e-9 * mu.max(lambda), "{nu}");
+        }
+    }
+
+    #[test]
+    fn rigid_cells_hold_their_corners() {
+        let grid = Grid { shape: GridShape::new(2, 1, 1), affine: Affine::from_spacing([2.0; 3], [0.0; 3]).unwrap() };
+        let lattice = build_cells(&OrganMap::from_vec(grid, vec![0, 1]), None).unwrap();
+        let assembly = assemble(&lattice, &[Some(BODY), None]);
+        assert_eq!(assembly.mass.iter().filter(|&&mass| mass == 0.0).count(), 8);
+        let soft: f32 = assembly.mass.iter().sum();
+        assert!((f64::from(soft) / (1060.0 * 8e-9) - 0.5).abs() < 1e-6, "half of the soft cell hangs on free corners");
     }
 }

@@ -87,7 +87,6 @@ impl RunMesher {
                     (VoxelSelection::Hu { min, max }, Some(hu)) => {
                         field::from_hu(lattice, organ as u8, &hu.values, [*min, *max], HU_CONTRAST)
                     }
-                    _ if smoothing == 0 => field::binary(lattice, organ as u8),
                     _ => field::smoothed(lattice, organ as u8, smoothing),
                 };
                 field::part_walls(lattice, organ as u8, &mut values);

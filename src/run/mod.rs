@@ -11,5 +11,6 @@ pub mod drive;
 pub mod inputs;
 pub mod label_lookup;
 pub mod meshes;
+mod organs;
 pub mod prepare;
 pub mod record;

@@ -3,18 +3,17 @@
 use crate::dynamics::World;
 use crate::dynamics::stable_dt::{SAFETY, stable_dt};
 use crate::geometry::Vector3;
-use crate::lattice::build::{Border, BuildLatticeError, NO_ORGAN, OrganMap, build};
+use crate::lattice::build::{BuildLatticeError, build};
+use crate::lattice::cells::build_cells;
 use crate::lattice::{Lattice, Topology};
 use crate::material::Assembly;
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, Damping, TissueBody};
-use crate::scene::resolved::{Body, Model, Scene, TimeSpec, VoxelSelection};
-use crate::volume::{LabelVolume, ResampleError, Volume, grid_with_spacing, resample_labels};
+use crate::scene::resolved::{Body, Model, Scene, TimeSpec};
+use crate::volume::ResampleError;
 
 use super::inputs::Inputs;
-
-/// Spacings that differ by less than this, relative, count as equal: headers store them as f32.
-const SAME_SPACING: f64 = 1e-4;
+use super::organs::{Organs, organs};
 
 /// Why a scene cannot be turned into a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -127,13 +126,11 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
     if !scene.organs.iter().any(|organ| soft(&organ.body)) {
         return Err(PrepareError::AllRigid);
     }
-    let organs = organ_map(scene, inputs)?;
-    let border = match scene.lattice.model {
-        Model::Paper => Border::Voxels,
-        Model::Tissue => Border::Cells,
+    let Organs { map, fill } = organs(scene, inputs)?;
+    let lattice = match scene.lattice.model {
+        Model::Paper => build(&map)?,
+        Model::Tissue => build_cells(&map, fill.as_ref())?,
     };
-    let rigid: Vec<bool> = scene.organs.iter().map(|organ| !soft(&organ.body)).collect();
-    let lattice = build(&organs, border, &rigid)?;
     let assembly = assemble(scene, &lattice);
     let bound = stable_dt(&lattice, &Topology::new(&lattice), &assembly);
     let schedule = Schedule::new(&scene.time, bound)?;
@@ -180,101 +177,6 @@ fn assemble(scene: &Scene, lattice: &Lattice) -> Assembly {
             tissue::assemble(lattice, &bodies)
         }
     }
-}
-
-/// Organ of each point of a cubic grid at the scene's pitch, cropped to the organs.
-fn organ_map(scene: &Scene, inputs: &Inputs) -> Result<OrganMap, PrepareError> {
-    let native = native_organs(scene, inputs)?;
-    let spacing = native.grid().affine.spacing();
-    let mean = spacing.iter().product::<f64>().cbrt();
-    let pitch = scene.lattice.pitch.map_or(mean, |pitch| pitch * 1e3);
-    let same = spacing.iter().all(|s| (s / pitch - 1.0).abs() < SAME_SPACING);
-    let cropped = match native.bounding_box(|&organ| organ != 0) {
-        Some(part) => native.crop(&part.grown([1; 3], native.shape())),
-        None => return Err(BuildLatticeError::Empty.into()),
-    };
-    let at_pitch =
-        if same { cropped } else { resample_labels(&cropped, &grid_with_spacing(cropped.grid(), [pitch; 3])?) };
-    let mut left = vec![false; scene.organs.len() + 1];
-    at_pitch.as_slice().iter().for_each(|&organ| left[usize::from(organ)] = true);
-    if let Some(lost) = (0..scene.organs.len()).find(|&organ| !left[organ + 1]) {
-        let voxels = cropped_count(&native, lost as u16 + 1);
-        return Err(PrepareError::LostOrgan { organ: scene.organs[lost].name.clone(), voxels, pitch });
-    }
-    let organs = at_pitch.as_slice().iter().map(|&organ| if organ == 0 { NO_ORGAN } else { organ as u8 - 1 }).collect();
-    Ok(Volume::from_vec(*at_pitch.grid(), organs))
-}
-
-fn cropped_count(organs: &LabelVolume, organ: u16) -> usize {
-    organs.as_slice().iter().filter(|&&o| o == organ).count()
-}
-
-/// Organ number plus 1 of each voxel of the scene's volume; 0 where there is none.
-fn native_organs(scene: &Scene, inputs: &Inputs) -> Result<LabelVolume, PrepareError> {
-    let grid = match (&inputs.labels, &inputs.image) {
-        (Some(labels), _) => *labels.grid(),
-        (None, Some(image)) => *image.grid(),
-        (None, None) => return Err(BuildLatticeError::Empty.into()),
-    };
-    let mut organs = vec![0_u16; grid.shape.len()];
-    for (number, organ) in scene.organs.iter().enumerate() {
-        let mut found = false;
-        let mut take = |place: usize| {
-            found = true;
-            // The first organ that selects a voxel keeps it.
-            if organs[place] == 0 {
-                organs[place] = number as u16 + 1;
-            }
-        };
-        match (&organ.voxels, &inputs.labels, &inputs.image) {
-            (VoxelSelection::Labels(wanted), Some(labels), _) => {
-                let mut selected = vec![false; 1 << 16];
-                wanted.iter().for_each(|&label| selected[usize::from(label)] = true);
-                let voxels = labels.as_slice().iter().enumerate();
-                voxels.filter(|(_, label)| selected[usize::from(**label)]).for_each(|(place, _)| take(place));
-            }
-            (VoxelSelection::Hu { min, max }, _, Some(image)) => {
-                let voxels = image.as_slice().iter().enumerate();
-                voxels.filter(|(_, hu)| (*min..=*max).contains(*hu)).for_each(|(place, _)| take(place));
-            }
-            _ => {}
-        }
-        if !found {
-            return Err(empty_organ(&organ.name, &organ.voxels, inputs));
-        }
-    }
-    Ok(Volume::from_vec(grid, organs))
-}
-
-fn empty_organ(organ: &str, voxels: &VoxelSelection, inputs: &Inputs) -> PrepareError {
-    let (selection, hint) = match voxels {
-        VoxelSelection::Labels(wanted) => {
-            let hint = inputs.labels.as_ref().map_or_else(
-                || "the scene has no label map: set volume.labels".to_owned(),
-                |labels| {
-                    let mut present: Vec<u16> =
-                        labels.label_summaries().iter().map(|s| s.label).filter(|&label| label != 0).collect();
-                    let more = present.len().saturating_sub(20);
-                    present.truncate(20);
-                    let list = present.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
-                    let tail = if more > 0 { format!(" and {more} more") } else { String::new() };
-                    format!("the label map holds {list}{tail}")
-                },
-            );
-            (format!("label {}", wanted.iter().map(u16::to_string).collect::<Vec<_>>().join(", ")), hint)
-        }
-        VoxelSelection::Hu { min, max } => {
-            let hint = inputs.image.as_ref().map_or_else(
-                || "the scene has no image: set volume.image".to_owned(),
-                |image| {
-                    let range = image.statistics();
-                    format!("the image holds {} to {} HU", range.min, range.max)
-                },
-            );
-            (format!("a value from {min} to {max} HU"), hint)
-        }
-    };
-    PrepareError::EmptyOrgan { organ: organ.to_owned(), selection, hint }
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@
 //!
 //! A tetrahedron that a blade went through, or that reaches beyond the last particle, is drawn once for each group of corners
 //! that still holds together: its other corners are put where the deformation around the group would carry them, and tissue
-//! ends half-way to them. It ends half-way to the fringe, too. So tissue reaches half a pitch beyond its particles, and a
-//! closed cut is closed; the blade itself may have gone up to half a pitch beside the border that is drawn.
+//! ends half-way to them. So a closed cut is closed; the blade itself may have gone up to half a pitch beside the border that
+//! is drawn. Cells of material end at their corners, particles that are voxels reach half a pitch beyond themselves.
 //!
 //! Where tissue overlaps itself (two lips pushed into each other), the cell with the lower number is shown.
 
@@ -15,8 +15,9 @@ use rayon::prelude::*;
 
 use super::{Raster, SliceAxis};
 use crate::geometry::{Matrix3, Point3, Vector3};
+use crate::lattice::build::NO_ORGAN;
 use crate::lattice::neighbours::{ALL_ALIVE, direction_of};
-use crate::lattice::{FRINGE, Lattice, NO_PARTICLE, Topology};
+use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 use crate::surface::gradient::{AxisDisplacements, Gradients};
 
 /// Offsets of a cell's corners, x fastest: corner `c` is at bits 0, 1 and 2 of `c`.
@@ -87,8 +88,8 @@ struct Piece {
     inside: [Vector3; 3],
     /// Rest place: the same form, RAS+ [mm].
     rest: [Vector3; 3],
-    /// Corners that only carry the border of their neighbours' cells.
-    fringe: [bool; 4],
+    /// Corners without tissue of this piece.
+    beyond: [bool; 4],
     columns: [usize; 2],
     rows: [usize; 2],
 }
@@ -105,7 +106,11 @@ impl<'a> InverseMap<'a> {
         // No deformation can be told from places that are no numbers.
         if displacements.par_iter().all(|u| u.iter().all(|x| x.is_finite())) {
             let border: Vec<u32> = (0..lattice.len() as u32)
-                .filter(|&p| lattice.organ[p as usize] != FRINGE && topology.alive()[p as usize] != ALL_ALIVE)
+                .filter(|&p| {
+                    // Cells end where their corners are; particles on their own reach half-way to where others would be.
+                    let whole = if lattice.has_cells() { lattice.springs[p as usize] } else { ALL_ALIVE };
+                    topology.alive()[p as usize] != whole
+                })
                 .collect();
             let (found, index) = Gradients::new(lattice, topology.alive(), &border);
             gradients = found.evaluate(lattice, displacements);
@@ -168,13 +173,13 @@ impl<'a> InverseMap<'a> {
         let lattice = self.lattice;
         let shape = lattice.grid.shape;
         let [i, j, k] = shape.ijk(point);
-        if i + 1 >= shape.nx || j + 1 >= shape.ny || k + 1 >= shape.nz {
+        if i + 1 >= shape.nx || j + 1 >= shape.ny || k + 1 >= shape.nz || !self.has_tissue(point) {
             return;
         }
         let points: [usize; CORNERS] =
             std::array::from_fn(|c| shape.linear([i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)]));
         let particle = points.map(|point| lattice.particle_at[point]);
-        if !particle.iter().any(|&p| self.is_tissue(p)) {
+        if particle.iter().all(|&p| p == NO_PARTICLE) {
             return;
         }
         let cell = Cell { particle, rest: points.map(|point| lattice.grid.place(point)) };
@@ -195,15 +200,8 @@ impl<'a> InverseMap<'a> {
                 && (0..4).all(|a| (a + 1..4).all(|b| !parted(a, b)));
             let rest = tetrahedron.map(|c| cell.rest[c]);
             if whole {
-                let fringe = tetrahedron.map(|c| !self.is_tissue(particle[c]));
-                if fringe != [true; 4] {
-                    pieces.extend(Piece::new(
-                        raster,
-                        tetrahedron.map(|c| self.place(&cell, c, deformed)),
-                        rest,
-                        fringe,
-                    ));
-                }
+                let place = tetrahedron.map(|c| self.place(&cell, c, deformed));
+                pieces.extend(Piece::new(raster, place, rest, [false; 4]));
                 continue;
             }
             for group in self.groups(&cell, tetrahedron, parted).into_iter().filter(|&group| group != 0) {
@@ -216,8 +214,14 @@ impl<'a> InverseMap<'a> {
         }
     }
 
-    fn is_tissue(&self, particle: u32) -> bool {
-        particle != NO_PARTICLE && self.lattice.organ[particle as usize] != FRINGE
+    /// Whether the cell above a grid point may hold tissue: in a lattice of cells, when it is one.
+    fn has_tissue(&self, point: usize) -> bool {
+        let lattice = self.lattice;
+        !lattice.has_cells()
+            || match lattice.particle_at[point] {
+                NO_PARTICLE => false,
+                particle => lattice.cell_organ[particle as usize] != NO_ORGAN,
+            }
     }
 
     /// Place of a corner that holds a particle, RAS+ [mm].
@@ -230,7 +234,7 @@ impl<'a> InverseMap<'a> {
 
     /// The groups of tissue corners of a tetrahedron that hold together, one bit per corner; 0 where there is none.
     fn groups(&self, cell: &Cell, tetrahedron: [usize; 4], parted: impl Fn(usize, usize) -> bool) -> [u8; 4] {
-        let tissue = |corner: usize| self.is_tissue(cell.particle[tetrahedron[corner]]);
+        let tissue = |corner: usize| cell.particle[tetrahedron[corner]] != NO_PARTICLE;
         // Group of each corner: the lowest corner it is joined to, over one or more others.
         let mut group = [0, 1, 2, 3];
         for _ in 0..3 {
@@ -297,7 +301,7 @@ impl<'a> InverseMap<'a> {
 }
 
 impl Piece {
-    fn new(raster: &Raster, place: [Point3; 4], rest: [Point3; 4], fringe: [bool; 4]) -> Option<Self> {
+    fn new(raster: &Raster, place: [Point3; 4], rest: [Point3; 4], beyond: [bool; 4]) -> Option<Self> {
         let axis: SliceAxis = raster.plane.axis;
         let height = place.map(|p| p[axis.index()] - raster.plane.at_mm);
         // The box of the section: corners in the plane and crossings of edges.
@@ -335,7 +339,7 @@ impl Piece {
         let back = edges(&rest);
         let [constant, column, row] = inside.map(|barycentric| back * barycentric);
         let rest = [rest[0].coords + constant, column, row];
-        inside.iter().all(|v| v.iter().all(|x| x.is_finite())).then_some(Self { inside, rest, fringe, columns, rows })
+        inside.iter().all(|v| v.iter().all(|x| x.is_finite())).then_some(Self { inside, rest, beyond, columns, rows })
     }
 
     fn rest(&self, column: usize, row: usize) -> Option<Point3> {
@@ -344,8 +348,8 @@ impl Piece {
         };
         let [b, c, d]: [f64; 3] = at(&self.inside).into();
         let shares = [1.0 - b - c - d, b, c, d];
-        // Tissue reaches half-way to the fringe; the share is continuous across tetrahedra, so the border is too.
-        let tissue: f64 = (0..4).filter(|&corner| !self.fringe[corner]).map(|corner| shares[corner]).sum();
+        // Tissue reaches half-way to a corner beyond; the share is continuous across tetrahedra, so the border is too.
+        let tissue: f64 = (0..4).filter(|&corner| !self.beyond[corner]).map(|corner| shares[corner]).sum();
         let inside = shares.iter().all(|&share| share >= -SLACK) && tissue >= 0.5;
         inside.then(|| Point3::from(at(&self.rest)))
     }

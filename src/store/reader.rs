@@ -10,6 +10,7 @@ use super::array::{Number, Spec, read_json};
 use super::error::ReadRunError;
 use super::manifest::{self, Manifest, Status};
 use crate::geometry::{Affine, Grid, GridShape, Matrix4};
+use crate::lattice::build::NO_ORGAN;
 use crate::lattice::neighbours::{ALL_ALIVE, NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, NO_PARTICLE, SeveredSpring, Topology};
 
@@ -372,7 +373,14 @@ fn read_lattice(folder: &Path, manifest: &Manifest) -> Result<Lattice, ReadRunEr
     for (particle, &point) in points.iter().enumerate() {
         particle_at[point as usize] = particle as u32;
     }
-    let lattice = Lattice { grid: Grid { shape, affine }, pitch, points, particle_at, organ, springs };
+    let (cell_organ, cell_fill) = if folder.join("cell_organ").exists() {
+        (read_list(folder.join("cell_organ"), particles)?, read_list(folder.join("cell_fill"), particles)?)
+    } else {
+        (Vec::new(), Vec::new())
+    };
+    let lattice =
+        Lattice { grid: Grid { shape, affine }, pitch, points, particle_at, organ, springs, cell_organ, cell_fill };
+    check_cells(&lattice).map_err(|(name, message)| inconsistent(name, message))?;
     for particle in 0..lattice.len() as u32 {
         let bits = lattice.springs[particle as usize];
         let loose = |direction: usize| match lattice.neighbour(particle, direction) {
@@ -386,4 +394,26 @@ fn read_lattice(folder: &Path, manifest: &Manifest) -> Result<Lattice, ReadRunEr
         }
     }
     Ok(lattice)
+}
+
+/// Every cell has eight corners and a share of tissue.
+fn check_cells(lattice: &Lattice) -> Result<(), (&'static str, String)> {
+    let dims = lattice.grid.shape.dims();
+    for (particle, (&organ, &fill)) in (0..).zip(lattice.cell_organ.iter().zip(&lattice.cell_fill)) {
+        if organ == NO_ORGAN {
+            continue;
+        }
+        let ijk = lattice.ijk(particle);
+        let inside = (0..3).all(|axis| ijk[axis] + 1 < dims[axis]);
+        if !inside || lattice.cell(particle).is_none_or(|corners| corners.contains(&NO_PARTICLE)) {
+            return Err(("cell_organ", format!("the cell above particle {particle} lacks a corner")));
+        }
+        if !(0.0..=1.0).contains(&fill) {
+            return Err((
+                "cell_fill",
+                format!("the cell above particle {particle} is filled by {fill}, expected 0 to 1"),
+            ));
+        }
+    }
+    Ok(())
 }

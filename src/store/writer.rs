@@ -410,6 +410,16 @@ fn lattice_files(folder: &Path, lattice: &Lattice) -> Vec<Pending> {
     let affine: Vec<f64> = lattice.grid.affine.matrix().transpose().iter().copied().collect();
     let spec = |name: &str| folder.join(name);
     let per_particle = ["particle"];
+    let cells = if lattice.has_cells() {
+        let organ = "organ of the cell above the particle, towards +i, +j, +k; 255 where there is none";
+        [
+            whole(spec("cell_organ"), &[], &per_particle, "1", organ, &lattice.cell_organ),
+            whole(spec("cell_fill"), &[], &per_particle, "1", "how much of that cell is tissue", &lattice.cell_fill),
+        ]
+        .concat()
+    } else {
+        Vec::new()
+    };
     [
         whole(spec("grid_shape"), &[], &["axis"], "1", "grid points along i, j, k", &shape),
         whole(spec("affine"), &[4], &["row", "column"], "mm", "index (i, j, k, 1) to RAS+", &affine),
@@ -417,8 +427,16 @@ fn lattice_files(folder: &Path, lattice: &Lattice) -> Vec<Pending> {
         whole(spec("points"), &[], &per_particle, "1", "linear grid index, i fastest", &lattice.points),
         whole(spec("ijk"), &[3], &["particle", "axis"], "1", "grid index", &ijk),
         whole(spec("rest"), &[3], &["particle", "axis"], "mm", "rest place, RAS+", &rest),
-        whole(spec("organ"), &[], &per_particle, "1", "organ of the scene; 255 carries a border only", &lattice.organ),
+        whole(
+            spec("organ"),
+            &[],
+            &per_particle,
+            "1",
+            "organ of the scene; 255 beyond the border drawn",
+            &lattice.organ,
+        ),
         whole(spec("springs"), &[], &per_particle, "1", "springs at rest, one bit per direction", &lattice.springs),
+        cells,
     ]
     .concat()
 }

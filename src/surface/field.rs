@@ -8,11 +8,16 @@ use rayon::prelude::*;
 use super::marching_cubes::surface_in_cells;
 use crate::geometry::GridShape;
 use crate::lattice::build::NO_ORGAN;
-use crate::lattice::{Lattice, NO_PARTICLE};
+use crate::lattice::cells::shares;
+use crate::lattice::{FRINGE, Lattice, NO_PARTICLE};
 
 /// Smallest magnitude of a smoothed or HU field, where +-1 is well inside or outside. At 0.02 crossings crowd at thin parts and
 /// triangles become slivers; at 0.5 every crossing is pinned half-way and staircases are back.
 const FLOOR: f32 = 0.1;
+
+/// The same at a point whose only neighbour across the border lies straight ahead, on a flat wall: no sliver can come of it, and
+/// walls of cells lie where their corners are.
+const FLAT_FLOOR: f32 = 0.005;
 
 /// Passes of [`smoothed`] that suit binary masks: measured on balls of 4 to 14 particles radius, they leave a roughness of 0.04 to 0.07
 /// pitch of the 0.17 to 0.20 that [`binary`] has.
@@ -21,7 +26,7 @@ pub const SMOOTHING_PASSES: usize = 2;
 /// The volume of a smoothed field is brought this close to that of its particles.
 const VOLUME_TOLERANCE: f64 = 1e-4;
 
-/// Membership of an organ: +1 at its particles, -1 elsewhere. Every crossing lies half-way.
+/// Membership of an organ: +1 at its particles, -1 elsewhere.
 pub fn binary(lattice: &Lattice, organ: u8) -> Vec<f32> {
     lattice
         .particle_at
@@ -33,36 +38,66 @@ pub fn binary(lattice: &Lattice, organ: u8) -> Vec<f32> {
         .collect()
 }
 
-/// Membership smoothed by `passes` of the binomial filter (1 2 1)/4 along each axis, see [`SMOOTHING_PASSES`]: softens
+/// How much of an organ there is at each point, from -1 to +1: in a lattice of cells the fill around the point, else [`binary`].
+///
+/// The sign is that of [`binary`], so thin parts neither vanish nor join.
+pub fn filled(lattice: &Lattice, organ: u8) -> Vec<f32> {
+    let membership = binary(lattice, organ);
+    let mut field = unsigned(lattice, organ, &membership);
+    keep_sign(&mut field, &membership, &floors(lattice, &membership), lattice.has_cells());
+    field
+}
+
+/// [`filled`] before it is given the sign of the membership.
+fn unsigned(lattice: &Lattice, organ: u8, membership: &[f32]) -> Vec<f32> {
+    if lattice.has_cells() {
+        shares(lattice, organ).into_iter().map(|share| 2.0 * share - 1.0).collect()
+    } else {
+        membership.to_vec()
+    }
+}
+
+/// Volume of an organ's tissue [cells].
+fn tissue_volume(lattice: &Lattice, organ: u8) -> f64 {
+    if !lattice.has_cells() {
+        return lattice.organ.iter().filter(|&&own| own == organ).count() as f64;
+    }
+    let cells = lattice.cell_organ.iter().zip(&lattice.cell_fill);
+    cells.filter(|(own, _)| **own == organ).map(|(_, &fill)| f64::from(fill)).sum()
+}
+
+/// [`filled`] smoothed by `passes` of the binomial filter (1 2 1)/4 along each axis, see [`SMOOTHING_PASSES`]: softens
 /// staircases and keeps the volume.
 ///
 /// What the filter took away is filtered and added back once, which halves the shrinking of curved parts; a small constant then
-/// brings the volume of the uncut surface within 1e-4 of one voxel per particle (not where it is all specks). Points beyond the
-/// grid count as outside. The sign stays that of [`binary`], so thin parts neither vanish nor join.
+/// brings the volume of the uncut surface within 1e-4 of that of the tissue (not where it is all specks or all flat walls).
+/// Points beyond the grid count as outside. The sign stays that of [`binary`].
 ///
 /// # Source
 /// Tukey, Exploratory data analysis, 1977 ("twicing").
 pub fn smoothed(lattice: &Lattice, organ: u8, passes: usize) -> Vec<f32> {
-    let membership = binary(lattice, organ);
     if passes == 0 {
-        return membership;
+        return filled(lattice, organ);
     }
+    let membership = binary(lattice, organ);
+    let base = unsigned(lattice, organ, &membership);
     let smooth = |mut field: Vec<f32>, beyond: f32| {
         for _ in 0..passes {
             field = binomial(lattice.grid.shape, &field, beyond);
         }
         field
     };
-    let mut field = smooth(membership.clone(), -1.0);
-    let lost = smooth(membership.iter().zip(&field).map(|(member, value)| member - value).collect(), 0.0);
+    let mut field = smooth(base.clone(), -1.0);
+    let lost = smooth(base.iter().zip(&field).map(|(value, smooth)| value - smooth).collect(), 0.0);
     field.par_iter_mut().zip(lost).for_each(|(value, lost)| *value += lost);
-    let voxels = membership.iter().filter(|member| **member > 0.0).count() as f64;
+    let volume = tissue_volume(lattice, organ);
+    let floors = floors(lattice, &membership);
     let shifted = |shift: f32| {
         let mut field: Vec<f32> = field.iter().map(|value| value + shift).collect();
-        keep_sign(&mut field, &membership);
+        keep_sign(&mut field, &membership, &floors, lattice.has_cells());
         field
     };
-    shifted(volume_keeping_shift(|shift| volume_in_cells(lattice.grid.shape, &shifted(shift)) / voxels - 1.0))
+    shifted(volume_keeping_shift(|shift| volume_in_cells(lattice.grid.shape, &shifted(shift)) / volume - 1.0))
 }
 
 /// Zero of an error that grows with the shift, by the Illinois variant of false position.
@@ -111,7 +146,7 @@ pub fn from_hu(lattice: &Lattice, organ: u8, hu: &[f32], range: [f32; 2], width:
     assert_eq!(hu.len(), lattice.grid.shape.len(), "one value per grid point");
     let membership = binary(lattice, organ);
     let mut field: Vec<f32> = hu.par_iter().map(|&hu| (hu - range[0]).min(range[1] - hu) / width).collect();
-    keep_sign(&mut field, &membership);
+    keep_sign(&mut field, &membership, &floors(lattice, &membership), lattice.has_cells());
     field
 }
 
@@ -138,15 +173,42 @@ pub fn part_walls(lattice: &Lattice, organ: u8, field: &mut [f32]) {
     });
 }
 
+/// Smallest magnitude of the field at every point.
+fn floors(lattice: &Lattice, membership: &[f32]) -> Vec<f32> {
+    let shape = lattice.grid.shape;
+    const AHEAD: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
+    let is_free = |point: usize| match lattice.particle_at[point] {
+        NO_PARTICLE => true,
+        particle => lattice.organ[particle as usize] == FRINGE,
+    };
+    (0..membership.len())
+        .into_par_iter()
+        .map(|point| {
+            if !lattice.has_cells() {
+                return FLOOR;
+            }
+            let ijk = shape.ijk(point);
+            let neighbours = AHEAD.iter().filter_map(|&offset| shape.neighbour(ijk, offset));
+            let mut across = neighbours.filter(|&other| membership[other] != membership[point]);
+            match (across.next(), across.next()) {
+                // Walls between organs keep their distance from the points, so that they can be parted.
+                (Some(other), None) if is_free(other) || is_free(point) => FLAT_FLOOR,
+                _ => FLOOR,
+            }
+        })
+        .collect()
+}
+
 /// Gives every value the sign of the membership and at least the smallest magnitude.
 ///
-/// The more a value contradicts the membership, the larger its magnitude: smoothing turns the sign of thin parts (and
-/// gaps), which should keep about their thickness rather than shrink to a thread.
-fn keep_sign(field: &mut [f32], membership: &[f32]) {
-    const REBOUND: f32 = 0.5;
-    field.par_iter_mut().zip(membership).for_each(|(value, &member)| {
+/// Where voxels are particles: the more a value contradicts the membership, the larger its magnitude: smoothing turns the
+/// sign of thin parts (and gaps), which should keep about their thickness rather than shrink to a thread. Thin parts of cells
+/// are as thick as the distance of their corners anyway.
+fn keep_sign(field: &mut [f32], membership: &[f32], floors: &[f32], has_cells: bool) {
+    let rebound = if has_cells { 0.0 } else { 0.5 };
+    field.par_iter_mut().zip(membership).zip(floors).for_each(|((value, &member), &floor)| {
         let along = member * *value;
-        let kept = if along >= FLOOR { along } else { FLOOR + REBOUND * (FLOOR - along.max(-1.0)) };
+        let kept = if along >= floor { along } else { floor + rebound * (floor - along.max(-1.0)) };
         // A comparison with NaN is false, and `max` drops it: an unknown value counts as a strong contradiction.
         *value = member * kept;
     });

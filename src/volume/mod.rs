@@ -10,7 +10,7 @@ mod sample;
 mod statistics;
 
 pub use bounds::{VoxelBox, margin_in_voxels};
-pub use resample::{ResampleError, grid_with_spacing, label_fraction, resample_ct, resample_labels};
+pub use resample::{ResampleError, grid_with_spacing, label_fraction, label_shares, resample_ct, resample_labels};
 pub use same_grid::{GridMismatch, SAME_GRID_TOLERANCE, check_same_grid};
 pub use statistics::{LabelSummary, Statistics};
 

@@ -135,6 +135,34 @@ pub fn label_fraction(labels: &LabelVolume, target: &Grid, selected: impl Fn(u16
     })
 }
 
+/// What fills each target voxel: the label other than background that covers most of it (the lower number on a tie, 0 where
+/// there is none), and the fraction (0 to 1) that all labels other than background cover together.
+///
+/// # Accuracy
+/// As [`label_fraction`].
+pub fn label_shares(labels: &LabelVolume, target: &Grid) -> (LabelVolume, Volume<f32>) {
+    let coverage = Coverage::new(labels, target);
+    let both = fill(target, |ijk| {
+        let mut found: Vec<(u16, f64)> = Vec::with_capacity(4);
+        coverage.for_each(ijk, |label, weight| match found.iter_mut().find(|(known, _)| *known == label) {
+            _ if label == 0 => {}
+            Some((_, total)) => *total += weight,
+            None => found.push((label, weight)),
+        });
+        found.sort_unstable_by_key(|(label, _)| *label);
+        let largest = found.iter().fold(
+            (0, 0.0),
+            |best, &(label, weight)| {
+                if weight > best.1 + ROUNDING { (label, weight) } else { best }
+            },
+        );
+        let total: f64 = found.iter().map(|(_, weight)| weight).sum();
+        (largest.0, total.min(1.0) as f32)
+    });
+    let (labels, fractions) = both.as_slice().iter().copied().unzip();
+    (Volume::from_vec(*target, labels), Volume::from_vec(*target, fractions))
+}
+
 /// The label that covers most of each target voxel; on a tie the lower number, but any organ before background.
 ///
 /// Beyond the source there is background. Ratios such as 2/3 and 2 put source borders in the middle of target voxels: many

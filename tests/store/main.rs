@@ -25,7 +25,16 @@ fn lattice(dims: [usize; 3]) -> Lattice {
     }
     let organ = points.iter().map(|p| (p % 3) as u8).collect();
     let springs = vec![0; points.len()];
-    let mut lattice = Lattice { grid, pitch: 0.003, points, particle_at, organ, springs };
+    let mut lattice = Lattice {
+        grid,
+        pitch: 0.003,
+        points,
+        particle_at,
+        organ,
+        springs,
+        cell_organ: Vec::new(),
+        cell_fill: Vec::new(),
+    };
     for particle in 0..lattice.len() as u32 {
         let bits = (0..NEIGHBOURS).filter(|&d| lattice.neighbour(particle, d).is_some()).map(|d| 1 << d).sum();
         lattice.springs[particle as usize] = bits;

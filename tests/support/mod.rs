@@ -4,7 +4,8 @@
 use yawara::dynamics::World;
 use yawara::dynamics::stable_dt::{SAFETY, stable_dt};
 use yawara::geometry::{Affine, Grid, GridShape, Vector3};
-use yawara::lattice::build::{Border, NO_ORGAN, OrganMap, build};
+use yawara::lattice::build::{NO_ORGAN, OrganMap, build};
+use yawara::lattice::cells::build_cells;
 use yawara::lattice::{Lattice, Topology};
 use yawara::material::paper::PaperBody;
 use yawara::material::tissue::{Damping, TissueBody};
@@ -45,15 +46,13 @@ pub fn blob(dims: [usize; 3], fill: f64, seed: u64) -> OrganMap {
 }
 
 pub fn paper_lattice(map: &OrganMap, bodies: &[Option<PaperBody>]) -> (Lattice, Assembly) {
-    let rigid: Vec<bool> = bodies.iter().map(Option::is_none).collect();
-    let lattice = build(map, Border::Voxels, &rigid).unwrap();
+    let lattice = build(map).unwrap();
     let assembly = paper::assemble(&lattice, bodies);
     (lattice, assembly)
 }
 
 pub fn tissue_lattice(map: &OrganMap, bodies: &[Option<TissueBody>]) -> (Lattice, Assembly) {
-    let rigid: Vec<bool> = bodies.iter().map(Option::is_none).collect();
-    let lattice = build(map, Border::Cells, &rigid).unwrap();
+    let lattice = build_cells(map, None).unwrap();
     let assembly = tissue::assemble(&lattice, bodies);
     (lattice, assembly)
 }
