@@ -19,8 +19,8 @@ fn lattices() -> Vec<(&'static str, World)> {
     vec![
         ("paper block", world(paper_lattice(&block([12, 9, 10]), &[Some(PAPER)]))),
         ("paper blob", world(paper_lattice(&blob([13, 9, 9], 0.6, 1), &[Some(PAPER), Some(PAPER)]))),
-        ("tissue block", world(tissue_lattice(&block([9, 8, 9]), &[Some(TISSUE)]))),
-        ("tissue blob", world(tissue_lattice(&blob([19, 7, 7], 0.4, 2), &[Some(TISSUE), Some(TISSUE)]))),
+        ("tissue block", world(tissue_lattice(&block([10, 9, 10]), &[Some(TISSUE)]))),
+        ("tissue blob", world(tissue_lattice(&blob([20, 8, 8], 0.4, 2), &[Some(TISSUE), Some(TISSUE)]))),
     ]
 }
 

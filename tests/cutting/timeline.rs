@@ -55,7 +55,7 @@ fn events_come_in_order_and_at_their_times() {
     let dt = world.dt();
     let far = Point3::new(1e3, 1e3, 1e3);
     let operations = [
-        operation("at once", 0.0, ENDLESS, fix(layers(&world, 0, 1))),
+        operation("at once", 0.0, ENDLESS, fix(layers(&world, 1, 2))),
         operation(
             "pushed",
             10.0 * dt,
@@ -75,18 +75,18 @@ fn events_come_in_order_and_at_their_times() {
     let events = run(&mut world, &operations, 40, |_| {});
     let told: Vec<(u64, &str, What)> =
         events.iter().map(|e| ((e.time / dt).round() as u64, e.operation.as_str(), e.what)).collect();
-    // Layers of the lattice hold 7 x 7 particles (5 x 5 voxels and their fringe).
+    // Layers of the lattice hold 6 x 6 particles: the corners of 5 x 5 voxels.
     assert_eq!(
         told,
         [
-            (0, "at once", What::Began(98)),
-            (10, "pushed", What::Began(98)),
+            (0, "at once", What::Began(72)),
+            (10, "pushed", What::Began(72)),
             (12, "missed", What::Began(0)),
-            (15, "short", What::Began(49)),
+            (15, "short", What::Began(36)),
             (15, "short", What::Ended),
             (20, "missed", What::Severed(0)),
             (30, "pushed", What::Ended),
-            (35, "beyond the end", What::Began(49)),
+            (35, "beyond the end", What::Began(36)),
             (40, "at once", What::Ended),
             (40, "beyond the end", What::Ended),
             (40, "too late", What::NeverBegan),
@@ -166,7 +166,7 @@ fn a_region_without_particles_is_refused_by_name() {
     let nowhere = Region::Sphere { center: Point3::new(1e3, 0.0, 0.0), radius: 1.0 };
     let error = Timeline::new(&[operation("lost", 0.0, ENDLESS, fix(nowhere))], world.lattice()).unwrap_err();
     let text = error.to_string();
-    assert!(text.contains("`lost`") && text.contains("(-13.0, 2.0, 17.0)"), "{text}");
+    assert!(text.contains("`lost`") && text.contains("(-11.5, 3.5, 18.5)"), "{text}");
 }
 
 /// Cut, pulled and pushed at the same time: the same bits at any number of threads and with or without the fast body.
