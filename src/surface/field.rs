@@ -1,19 +1,26 @@
 //! Values at the grid points of a lattice, above zero in the tissue of an organ: what the surface is drawn from.
 //!
-//! Whatever a field is made of, its sign follows the organ: particles of the organ are above zero, all other points are not.
-//! So the surface has the topology of the lattice, and values only decide where on its edge each crossing lies.
+//! Where voxels are particles, the sign of a field follows the organ whatever the field is made of: particles of the organ are
+//! above zero, all other points are not. So the surface has the topology of the lattice, and values only decide where on
+//! its edge each crossing lies.
+//!
+//! In a lattice of cells the particles lie on the very border, and smoothing decides on which side of it, with two
+//! exceptions: walls between organs stay where they are, and a cell that would vanish altogether keeps its corners.
 
 use rayon::prelude::*;
 
 use super::marching_cubes::surface_in_cells;
 use crate::geometry::GridShape;
-use crate::lattice::build::NO_ORGAN;
-use crate::lattice::cells::shares;
+use crate::lattice::build::{NO_ORGAN, corners};
+use crate::lattice::cells::{cells_around, shares};
 use crate::lattice::{FRINGE, Lattice, NO_PARTICLE};
 
 /// Smallest magnitude of a smoothed or HU field, where +-1 is well inside or outside. At 0.02 crossings crowd at thin parts and
 /// triangles become slivers; at 0.5 every crossing is pinned half-way and staircases are back.
 const FLOOR: f32 = 0.1;
+
+/// See [`keep_sign`].
+const REBOUND: f32 = 0.5;
 
 /// The same at a point whose only neighbour across the border lies straight ahead, on a flat wall: no sliver can come of it, and
 /// walls of cells lie where their corners are.
@@ -43,9 +50,9 @@ pub fn binary(lattice: &Lattice, organ: u8) -> Vec<f32> {
 /// The sign is that of [`binary`], so thin parts neither vanish nor join.
 pub fn filled(lattice: &Lattice, organ: u8) -> Vec<f32> {
     let membership = binary(lattice, organ);
-    let mut field = unsigned(lattice, organ, &membership);
-    keep_sign(&mut field, &membership, &floors(lattice, &membership), lattice.has_cells());
-    field
+    let field = unsigned(lattice, organ, &membership);
+    let floors = floors(lattice, &membership);
+    keep_sign(field, &membership, &floors, 0.0)
 }
 
 /// [`filled`] before it is given the sign of the membership.
@@ -71,7 +78,7 @@ fn tissue_volume(lattice: &Lattice, organ: u8) -> f64 {
 ///
 /// What the filter took away is filtered and added back once, which halves the shrinking of curved parts; a small constant then
 /// brings the volume of the uncut surface within 1e-4 of that of the tissue (not where it is all specks or all flat walls).
-/// Points beyond the grid count as outside. The sign stays that of [`binary`].
+/// Points beyond the grid count as outside.
 ///
 /// # Source
 /// Tukey, Exploratory data analysis, 1977 ("twicing").
@@ -91,12 +98,8 @@ pub fn smoothed(lattice: &Lattice, organ: u8, passes: usize) -> Vec<f32> {
     let lost = smooth(base.iter().zip(&field).map(|(value, smooth)| value - smooth).collect(), 0.0);
     field.par_iter_mut().zip(lost).for_each(|(value, lost)| *value += lost);
     let volume = tissue_volume(lattice, organ);
-    let floors = floors(lattice, &membership);
-    let shifted = |shift: f32| {
-        let mut field: Vec<f32> = field.iter().map(|value| value + shift).collect();
-        keep_sign(&mut field, &membership, &floors, lattice.has_cells());
-        field
-    };
+    let border = Border::new(lattice, organ, membership);
+    let shifted = |shift: f32| border.settle(field.iter().map(|value| value + shift).collect());
     shifted(volume_keeping_shift(|shift| volume_in_cells(lattice.grid.shape, &shifted(shift)) / volume - 1.0))
 }
 
@@ -137,17 +140,15 @@ fn volume_in_cells(shape: GridShape, field: &[f32]) -> f64 {
 /// HU (or any other grey value) at the grid points against a range of tissue, within one organ.
 ///
 /// Above zero where `range[0] < hu < range[1]`; an open end is an infinite one. Values are measured in units of
-/// `width` \[HU\], the contrast over which the border of the organ is drawn, and the sign stays that of [`binary`].
+/// `width` \[HU\], the contrast over which the border of the organ is drawn; for their sign see the module.
 /// NaN counts as the border of the organ.
 ///
 /// # Panics
 /// If there is not one value per grid point.
 pub fn from_hu(lattice: &Lattice, organ: u8, hu: &[f32], range: [f32; 2], width: f32) -> Vec<f32> {
     assert_eq!(hu.len(), lattice.grid.shape.len(), "one value per grid point");
-    let membership = binary(lattice, organ);
-    let mut field: Vec<f32> = hu.par_iter().map(|&hu| (hu - range[0]).min(range[1] - hu) / width).collect();
-    keep_sign(&mut field, &membership, &floors(lattice, &membership), lattice.has_cells());
-    field
+    let field = hu.par_iter().map(|&hu| (hu - range[0]).min(range[1] - hu) / width).collect();
+    Border::new(lattice, organ, binary(lattice, organ)).settle(field)
 }
 
 /// Share by which [`part_walls`] deepens a field beyond a wall: half-way between two particles, the wall then stands back by 0.0025 of a
@@ -173,26 +174,99 @@ pub fn part_walls(lattice: &Lattice, organ: u8, field: &mut [f32]) {
     });
 }
 
-/// Smallest magnitude of the field at every point.
+/// Which points may change sides.
+struct Border<'a> {
+    lattice: &'a Lattice,
+    organ: u8,
+    membership: Vec<f32>,
+    /// Points of a lattice of cells that are the organ's or nobody's, and touch no other organ.
+    free: Vec<bool>,
+}
+
+const AHEAD: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
+
+impl<'a> Border<'a> {
+    fn new(lattice: &'a Lattice, organ: u8, membership: Vec<f32>) -> Self {
+        let shape = lattice.grid.shape;
+        let foreign = |point: usize| match lattice.particle_at[point] {
+            NO_PARTICLE => false,
+            particle => ![organ, FRINGE].contains(&lattice.organ[particle as usize]),
+        };
+        let foreign_cell = |cell: usize| match lattice.particle_at[cell] {
+            NO_PARTICLE => false,
+            particle => ![organ, NO_ORGAN].contains(&lattice.cell_organ[particle as usize]),
+        };
+        let is_free = |point: usize| {
+            let ijk = shape.ijk(point);
+            lattice.particle_at[point] != NO_PARTICLE
+                && !cells_around(shape, point).any(foreign_cell)
+                && !AHEAD.iter().filter_map(|&offset| shape.neighbour(ijk, offset)).any(foreign)
+        };
+        let free = match lattice.has_cells() {
+            true => (0..shape.len()).into_par_iter().map(is_free).collect(),
+            false => Vec::new(),
+        };
+        Self { lattice, organ, membership, free }
+    }
+
+    /// Gives every value its sign and at least the smallest magnitude.
+    fn settle(&self, field: Vec<f32>) -> Vec<f32> {
+        if !self.lattice.has_cells() {
+            let floors = vec![FLOOR; field.len()];
+            return keep_sign(field, &self.membership, &floors, REBOUND);
+        }
+        let side = |point: usize| match self.free[point] {
+            // NaN is outside.
+            true => {
+                if field[point] > 0.0 {
+                    1.0
+                } else {
+                    -1.0
+                }
+            }
+            false => self.membership[point],
+        };
+        let sides: Vec<f32> = (0..field.len()).into_par_iter().map(side).collect();
+        let settled: Vec<f32> = (0..field.len())
+            .into_par_iter()
+            .map(|point| if self.is_last_of_a_cell(point, &sides) { 1.0 } else { sides[point] })
+            .collect();
+        let floors = floors(self.lattice, &settled);
+        keep_sign(field, &settled, &floors, 0.0)
+    }
+
+    /// Whether a point of the organ has a cell around it that would vanish altogether.
+    fn is_last_of_a_cell(&self, point: usize, sides: &[f32]) -> bool {
+        let Self { lattice, organ, .. } = self;
+        self.membership[point] > 0.0
+            && sides[point] < 0.0
+            && cells_around(lattice.grid.shape, point).any(|cell| match lattice.particle_at[cell] {
+                NO_PARTICLE => false,
+                particle => {
+                    lattice.cell_organ[particle as usize] == *organ
+                        && lattice.cell_fill[particle as usize] >= 0.5
+                        && corners(lattice.grid.shape, cell).iter().all(|&corner| sides[corner] < 0.0)
+                }
+            })
+    }
+}
+
+/// Smallest magnitude of the field at every point of a lattice of cells.
 fn floors(lattice: &Lattice, membership: &[f32]) -> Vec<f32> {
     let shape = lattice.grid.shape;
-    const AHEAD: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
-    let is_free = |point: usize| match lattice.particle_at[point] {
+    let is_open = |point: usize| match lattice.particle_at[point] {
         NO_PARTICLE => true,
         particle => lattice.organ[particle as usize] == FRINGE,
     };
     (0..membership.len())
         .into_par_iter()
         .map(|point| {
-            if !lattice.has_cells() {
-                return FLOOR;
-            }
             let ijk = shape.ijk(point);
             let neighbours = AHEAD.iter().filter_map(|&offset| shape.neighbour(ijk, offset));
             let mut across = neighbours.filter(|&other| membership[other] != membership[point]);
             match (across.next(), across.next()) {
                 // Walls between organs keep their distance from the points, so that they can be parted.
-                (Some(other), None) if is_free(other) || is_free(point) => FLAT_FLOOR,
+                (Some(other), None) if lattice.has_cells() && (is_open(other) || is_open(point)) => FLAT_FLOOR,
                 _ => FLOOR,
             }
         })
@@ -201,17 +275,17 @@ fn floors(lattice: &Lattice, membership: &[f32]) -> Vec<f32> {
 
 /// Gives every value the sign of the membership and at least the smallest magnitude.
 ///
-/// Where voxels are particles: the more a value contradicts the membership, the larger its magnitude: smoothing turns the
-/// sign of thin parts (and gaps), which should keep about their thickness rather than shrink to a thread. Thin parts of cells
-/// are as thick as the distance of their corners anyway.
-fn keep_sign(field: &mut [f32], membership: &[f32], floors: &[f32], has_cells: bool) {
-    let rebound = if has_cells { 0.0 } else { 0.5 };
+/// The more a value contradicts the membership, the larger its magnitude, by the share `rebound`: where voxels are
+/// particles, smoothing turns the sign of thin parts (and gaps), which should keep about their thickness rather than
+/// shrink to a thread. Thin parts of cells are as thick as the distance of their corners anyway.
+fn keep_sign(mut field: Vec<f32>, membership: &[f32], floors: &[f32], rebound: f32) -> Vec<f32> {
     field.par_iter_mut().zip(membership).zip(floors).for_each(|((value, &member), &floor)| {
         let along = member * *value;
         let kept = if along >= floor { along } else { floor + rebound * (floor - along.max(-1.0)) };
         // A comparison with NaN is false, and `max` drops it: an unknown value counts as a strong contradiction.
         *value = member * kept;
     });
+    field
 }
 
 /// One pass of (1 2 1)/4 along x, y and z; `beyond` is the value outside the grid.

@@ -287,15 +287,23 @@ impl Tissue<'_> {
         let (low, axis) = (point_of_key(self.bits.shape, key / 3), (key % 3) as u8);
         let mut high = low;
         high[usize::from(axis)] += 1;
-        // Springs that were never there (two organs that do not hold together) part half-way.
+        // Springs that were never there (two organs that do not hold together) part half-way where voxels are particles.
         let ends = [low, high].map(|end| self.at(end).unwrap_or(0));
-        let at = self.blades.on_edge(ends[0], axis).unwrap_or(0.5);
-        let at = at.clamp(CLEARANCE + LIP_SHIFT, 1.0 - CLEARANCE - LIP_SHIFT);
+        let cut = self.blades.on_edge(ends[0], axis);
+        let at = cut.unwrap_or(0.5).clamp(CLEARANCE + LIP_SHIFT, 1.0 - CLEARANCE - LIP_SHIFT);
+        let forward = neighbours::direction_of([0, 1, 2].map(|a| i32::from(a == usize::from(axis))));
+        let never = self.lattice.springs[ends[0] as usize] >> forward & 1 == 0;
+        let lips = if never && self.lattice.has_cells() {
+            // Air between two walls of cells, which end where their corners are.
+            [CLEARANCE; 2]
+        } else {
+            [at - LIP_SHIFT, 1.0 - at - LIP_SHIFT]
+        };
         let mut edge = SeamEdge {
             low: low.map(|i| i as u32),
             axis,
             ends,
-            lips: [at - LIP_SHIFT, 1.0 - at - LIP_SHIFT],
+            lips,
             fronts: Vec::new(),
             rims: Vec::new(),
             front_slots: 0,

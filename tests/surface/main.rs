@@ -1,6 +1,7 @@
 //! The surface of severed lattices: its topology, its motion, its measures.
 
 mod carry;
+mod cells;
 mod crossing;
 mod cuts;
 mod fuzz;
