@@ -439,7 +439,7 @@ mod tests {
             let of_modulus =
                 |source: &&&str| !source.starts_with("density: ") && !source.starts_with("Poisson's ratio: ");
             let dated = |source: &&str| source.contains("(19") || source.contains("(20");
-            assert!(tissue.sources.iter().filter(of_modulus).any(|source| dated(source)), "{tissue}");
+            assert!(tissue.sources.iter().filter(of_modulus).any(dated), "{tissue}");
         }
     }
 

@@ -1,5 +1,7 @@
 //! From volumes to a lattice that is ready to move: organs, pitch, materials, time step.
 
+use std::path::PathBuf;
+
 use crate::dynamics::World;
 use crate::dynamics::stable_dt::{SAFETY, stable_dt};
 use crate::geometry::Vector3;
@@ -8,7 +10,7 @@ use crate::lattice::{Lattice, Topology};
 use crate::material::Assembly;
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, Damping, TissueBody};
-use crate::scene::resolved::{Body, Model, Scene, TimeSpec, VoxelSelection};
+use crate::scene::resolved::{self, Body, Model, Scene, TimeSpec, VoxelSelection, YoungsModulus};
 use crate::volume::{LabelVolume, ResampleError, Volume, grid_with_spacing, resample_labels};
 
 use super::inputs::Inputs;
@@ -44,6 +46,18 @@ pub enum PrepareError {
         voxels: usize,
         /// The pitch [mm].
         pitch: f64,
+    },
+    /// A modulus that only a volume on disk knows.
+    #[error(
+        "organ `{organ}`: youngs_modulus cannot be taken from {}; give a number (Pa) or a map from CT numbers, hu = [[HU, \
+         Pa], ...]",
+        file.display()
+    )]
+    ModulusFile {
+        /// Name of the organ.
+        organ: String,
+        /// The volume of moduli.
+        file: PathBuf,
     },
     /// The lattice cannot be built.
     #[error(transparent)]
@@ -123,7 +137,7 @@ impl Schedule {
 /// # Errors
 /// See [`PrepareError`].
 pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError> {
-    let soft = |body: &Body| !matches!(body, Body::Rigid);
+    let soft = |body: &Body| !matches!(body, Body::Rigid { .. });
     if !scene.organs.iter().any(|organ| soft(&organ.body)) {
         return Err(PrepareError::AllRigid);
     }
@@ -134,7 +148,7 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
     };
     let rigid: Vec<bool> = scene.organs.iter().map(|organ| !soft(&organ.body)).collect();
     let lattice = build(&organs, border, &rigid)?;
-    let assembly = assemble(scene, &lattice);
+    let assembly = assemble(scene, &lattice)?;
     let bound = stable_dt(&lattice, &Topology::new(&lattice), &assembly);
     let schedule = Schedule::new(&scene.time, bound)?;
     Ok(Prepared { lattice, assembly, schedule })
@@ -150,35 +164,46 @@ impl Prepared {
 }
 
 /// Masses and spring constants by the scene's model.
-fn assemble(scene: &Scene, lattice: &Lattice) -> Assembly {
-    match scene.lattice.model {
+fn assemble(scene: &Scene, lattice: &Lattice) -> Result<Assembly, PrepareError> {
+    Ok(match scene.lattice.model {
         Model::Paper => {
             let bodies: Vec<Option<PaperBody>> = scene
                 .organs
                 .iter()
                 .map(|organ| match organ.body {
                     Body::Paper { stiffness, damping, mass } => Some(PaperBody { stiffness, damping, mass }),
-                    Body::Tissue { .. } | Body::Rigid => None,
+                    Body::Tissue { .. } | Body::Rigid { .. } => None,
                 })
                 .collect();
             paper::assemble(lattice, &bodies)
         }
         Model::Tissue => {
-            let bodies: Vec<Option<TissueBody>> = scene
-                .organs
-                .iter()
-                .map(|organ| match organ.body {
-                    Body::Tissue { youngs_modulus, density, damping_ratio } => Some(TissueBody {
-                        youngs_modulus,
-                        poissons_ratio: 0.25,
-                        density,
-                        damping: Damping::Ratio(damping_ratio),
-                    }),
-                    Body::Paper { .. } | Body::Rigid => None,
-                })
-                .collect();
+            let bodies = scene.organs.iter().map(tissue_body).collect::<Result<Vec<_>, _>>()?;
             tissue::assemble(lattice, &bodies)
         }
+    })
+}
+
+/// Constants of an organ of model `tissue`; `None` for a rigid one.
+fn tissue_body(organ: &resolved::Organ) -> Result<Option<TissueBody>, PrepareError> {
+    let Body::Tissue { youngs_modulus, poissons_ratio, density, damping } = &organ.body else { return Ok(None) };
+    Ok(Some(TissueBody {
+        youngs_modulus: constant_modulus(&organ.name, youngs_modulus)?,
+        poissons_ratio: *poissons_ratio,
+        density: *density,
+        damping: match *damping {
+            resolved::Damping::Ratio(ratio) => Damping::Ratio(ratio),
+            resolved::Damping::Viscosity(viscosity) => Damping::Viscosity(viscosity),
+        },
+    }))
+}
+
+/// One modulus for a whole organ [Pa]: of a map from CT numbers the mean over its points.
+fn constant_modulus(organ: &str, modulus: &YoungsModulus) -> Result<f64, PrepareError> {
+    match modulus {
+        YoungsModulus::Constant(modulus) => Ok(*modulus),
+        YoungsModulus::FromHu(points) => Ok(points.iter().map(|point| point[1]).sum::<f64>() / points.len() as f64),
+        YoungsModulus::FromFile(file) => Err(PrepareError::ModulusFile { organ: organ.to_owned(), file: file.clone() }),
     }
 }
 
@@ -307,5 +332,16 @@ mod tests {
         let schedule = Schedule::new(&time, 2e-3).unwrap();
         assert_eq!((schedule.dt, schedule.steps), (1e-3, 100));
         assert_eq!(schedule.step_of_frame(7), 100);
+    }
+
+    #[test]
+    fn one_modulus_stands_for_an_organ_where_one_is_known() {
+        assert_eq!(constant_modulus("liver", &YoungsModulus::Constant(5e3)), Ok(5e3));
+        let map = YoungsModulus::FromHu(vec![[-100.0, 2e3], [0.0, 4e3], [50.0, 9e3]]);
+        assert_eq!(constant_modulus("liver", &map), Ok(5e3));
+        let error = constant_modulus("liver", &YoungsModulus::FromFile("a/e.nii".into())).unwrap_err().to_string();
+        for part in ["organ `liver`", "a/e.nii", "give a number (Pa)"] {
+            assert!(error.contains(part), "{error}");
+        }
     }
 }
