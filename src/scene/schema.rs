@@ -138,7 +138,7 @@ pub(super) struct Organ {
     pub(super) damping_ratio: Option<f64>,
     /// Viscosity of a slowly pulled bar [Pa s], 0 or more, instead of `damping_ratio`: stress is youngs_modulus times
     /// strain plus this times the rate of strain, the same material at every pitch; model "tissue" only. Default: none,
-    /// `damping_ratio` holds. Example: `viscosity = 15`.
+    /// `damping_ratio` holds. Example: `viscosity = 5`.
     #[schemars(extend("minimum" = 0))]
     pub(super) viscosity: Option<f64>,
     /// Spring constant [N/m], above 0; model "paper" only, no default. Example: `stiffness = 10`.
