@@ -43,7 +43,7 @@ fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
 fn of_scene(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     let (scene, warnings) = crate::scene::load(path, &Files)?;
     warnings.iter().for_each(|warning| messages.warning(warning));
-    let inputs = inputs::load(&scene.volume)?;
+    let inputs = inputs::load(&scene)?;
     let prepared = prepare(&scene, &inputs)?;
     let schedule = prepared.schedule;
     let lattice = &prepared.lattice;

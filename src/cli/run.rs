@@ -51,7 +51,7 @@ pub(super) fn simulate(
     messages: &Messages,
 ) -> anyhow::Result<Outcome> {
     RunWriter::check_place(output, overwrite)?;
-    let inputs = inputs::load(&scene.volume)?;
+    let inputs = inputs::load(scene)?;
     if inputs.replaced_voxels > 0 {
         messages.warning(format_args!("{} voxels of the image are not finite; read as air", inputs.replaced_voxels));
     }

@@ -70,7 +70,7 @@ fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<()>
     let number = frames(arguments.frame, &reader)?[0];
     let scene = scene_of(&reader)?;
     // The run keeps no copy of its volumes: they are read, or made, again.
-    let volumes = inputs::load(&scene.volume).with_context(|| {
+    let volumes = inputs::load_volume(&scene.volume).with_context(|| {
         format!("{}: the volumes of the run are needed again for a slice", arguments.source.display())
     })?;
     for (now, then) in volumes.files.iter().zip(&reader.manifest().inputs) {

@@ -23,7 +23,7 @@ pub(super) fn volume(arguments: &VolumeArguments, messages: &Messages) -> anyhow
         steps.iter().zip(now.iter().zip(&rest)).map(|(&step, (now, rest))| [step, percent(*now, *rest)]).collect();
 
     let organs = if arguments.organ.is_empty() {
-        let soft = scene.organs.iter().filter(|organ| !matches!(organ.body, Body::Rigid));
+        let soft = scene.organs.iter().filter(|organ| !matches!(organ.body, Body::Rigid { .. }));
         soft.map(|organ| organ.name.clone()).collect()
     } else {
         arguments.organ.clone()

@@ -1,11 +1,12 @@
 //! The volumes a scene names, read and checked against each other.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::io::nifti::{ReadVolumeError, read_ct, read_labels};
 use crate::phantom::{self, PhantomError};
-use crate::scene::resolved::VolumeSource;
+use crate::scene::resolved::{Body, Scene, VolumeSource, YoungsModulus};
 use crate::store::InputFile;
 use crate::volume::{CtVolume, GridMismatch, LabelVolume, check_same_grid};
 
@@ -16,6 +17,8 @@ pub struct Inputs {
     pub image: Option<CtVolume>,
     /// Label map.
     pub labels: Option<LabelVolume>,
+    /// Volumes of Young's modulus [Pa] by the path the scene names, on the same grid.
+    pub moduli: BTreeMap<PathBuf, CtVolume>,
     /// Voxels of the image that were NaN or infinite and have been read as air.
     pub replaced_voxels: u64,
     /// The files that were read.
@@ -32,6 +35,14 @@ pub enum InputError {
     /// The phantom cannot be made.
     #[error(transparent)]
     Phantom(#[from] PhantomError),
+    /// A volume of moduli does not lie on the grid of the scene's volume.
+    #[error("{}: not on the grid of the scene's volume: {source}", path.display())]
+    ModulusGrid {
+        /// The volume of moduli.
+        path: PathBuf,
+        /// How they differ.
+        source: Box<GridMismatch>,
+    },
     /// Image and labels do not lie on the same grid.
     #[error("{} and {} do not belong together: {source}", image.display(), labels.display())]
     Grid {
@@ -56,13 +67,37 @@ pub enum InputError {
 ///
 /// # Errors
 /// See [`InputError`].
-pub fn load(source: &VolumeSource) -> Result<Inputs, InputError> {
+pub fn load(scene: &Scene) -> Result<Inputs, InputError> {
+    let mut inputs = load_volume(&scene.volume)?;
+    let grid = inputs.labels.as_ref().map(LabelVolume::grid).or(inputs.image.as_ref().map(CtVolume::grid)).copied();
+    for organ in &scene.organs {
+        let Body::Tissue { youngs_modulus: YoungsModulus::FromFile(path), .. } = &organ.body else { continue };
+        if inputs.moduli.contains_key(path) {
+            continue;
+        }
+        let (moduli, info) = read_ct(path)?;
+        if let Some(grid) = &grid {
+            check_same_grid(grid, moduli.grid())
+                .map_err(|source| InputError::ModulusGrid { path: path.clone(), source: Box::new(source) })?;
+        }
+        record(&mut inputs.files, &info.header_path, &info.data_path)?;
+        inputs.moduli.insert(path.clone(), moduli);
+    }
+    Ok(inputs)
+}
+
+/// Reads or makes the image and the labels of a scene.
+///
+/// # Errors
+/// See [`InputError`].
+pub fn load_volume(source: &VolumeSource) -> Result<Inputs, InputError> {
     match source {
         VolumeSource::Phantom { kind, spacing, seed } => {
             let phantom = phantom::make(*kind, *spacing, *seed)?;
             Ok(Inputs {
                 image: Some(phantom.image),
                 labels: Some(phantom.labels),
+                moduli: BTreeMap::new(),
                 replaced_voxels: 0,
                 files: Vec::new(),
             })
@@ -94,7 +129,7 @@ pub fn load(source: &VolumeSource) -> Result<Inputs, InputError> {
                     source: Box::new(source),
                 })?;
             }
-            Ok(Inputs { image, labels, replaced_voxels, files })
+            Ok(Inputs { image, labels, moduli: BTreeMap::new(), replaced_voxels, files })
         }
     }
 }

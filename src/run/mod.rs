@@ -10,6 +10,7 @@
 pub mod drive;
 pub mod inputs;
 pub mod label_lookup;
+mod materials;
 pub mod meshes;
 mod organs;
 pub mod prepare;

@@ -15,6 +15,8 @@ pub(super) struct Organs {
     pub(super) map: OrganMap,
     /// How much of each voxel is tissue, 0 to 1; all of it when `None`.
     pub(super) fill: Option<Volume<f32>>,
+    /// Organ number plus 1 of each voxel of the scene's volume.
+    pub(super) native: LabelVolume,
 }
 
 /// Chooses the voxels of every organ and brings them to the scene's pitch.
@@ -44,7 +46,7 @@ pub(super) fn organs(scene: &Scene, inputs: &Inputs) -> Result<Organs, PrepareEr
         return Err(PrepareError::LostOrgan { organ: scene.organs[lost].name.clone(), voxels, pitch });
     }
     let organs = at_pitch.as_slice().iter().map(|&organ| if organ == 0 { NO_ORGAN } else { organ as u8 - 1 }).collect();
-    Ok(Organs { map: Volume::from_vec(*at_pitch.grid(), organs), fill })
+    Ok(Organs { map: Volume::from_vec(*at_pitch.grid(), organs), fill, native })
 }
 
 fn voxels_of(organs: &LabelVolume, organ: u16) -> usize {

@@ -1,18 +1,19 @@
 //! From volumes to a lattice that is ready to move: organs, pitch, materials, time step.
 
+use std::path::PathBuf;
+
 use crate::dynamics::World;
 use crate::dynamics::stable_dt::{SAFETY, stable_dt};
-use crate::geometry::Vector3;
+use crate::geometry::{Point3, Vector3};
 use crate::lattice::build::{BuildLatticeError, build};
 use crate::lattice::cells::build_cells;
 use crate::lattice::{Lattice, Topology};
 use crate::material::Assembly;
-use crate::material::paper::{self, PaperBody};
-use crate::material::tissue::{self, Damping, TissueBody};
 use crate::scene::resolved::{Body, Model, Scene, TimeSpec};
 use crate::volume::ResampleError;
 
 use super::inputs::Inputs;
+use super::materials::assemble;
 use super::organs::{Organs, organs};
 
 /// Why a scene cannot be turned into a world.
@@ -43,6 +44,22 @@ pub enum PrepareError {
         voxels: usize,
         /// The pitch [mm].
         pitch: f64,
+    },
+    /// A volume of moduli has no modulus where an organ needs one.
+    #[error(
+        "organ `{organ}`: {} gives a Young's modulus of {found} Pa at ({:.1}, {:.1}, {:.1}) mm (RAS+), expected a number \
+         above 0 in every voxel of the organ; mend the volume or restrict the organ",
+        file.display(), place.x, place.y, place.z
+    )]
+    Modulus {
+        /// Name of the organ.
+        organ: String,
+        /// The volume of moduli.
+        file: PathBuf,
+        /// Where, RAS+ [mm].
+        place: Point3,
+        /// What it gives [Pa].
+        found: f64,
     },
     /// The lattice cannot be built.
     #[error(transparent)]
@@ -122,16 +139,16 @@ impl Schedule {
 /// # Errors
 /// See [`PrepareError`].
 pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError> {
-    let soft = |body: &Body| !matches!(body, Body::Rigid);
+    let soft = |body: &Body| !matches!(body, Body::Rigid { .. });
     if !scene.organs.iter().any(|organ| soft(&organ.body)) {
         return Err(PrepareError::AllRigid);
     }
-    let Organs { map, fill } = organs(scene, inputs)?;
+    let Organs { map, fill, native } = organs(scene, inputs)?;
     let lattice = match scene.lattice.model {
         Model::Paper => build(&map)?,
         Model::Tissue => build_cells(&map, fill.as_ref())?,
     };
-    let assembly = assemble(scene, &lattice);
+    let assembly = assemble(scene, inputs, &native, &lattice)?;
     let bound = stable_dt(&lattice, &Topology::new(&lattice), &assembly);
     let schedule = Schedule::new(&scene.time, bound)?;
     Ok(Prepared { lattice, assembly, schedule })
@@ -143,39 +160,6 @@ impl Prepared {
         let mut world = World::new(self.lattice, self.assembly, self.schedule.dt);
         world.set_gravity(gravity);
         world
-    }
-}
-
-/// Masses and spring constants by the scene's model.
-fn assemble(scene: &Scene, lattice: &Lattice) -> Assembly {
-    match scene.lattice.model {
-        Model::Paper => {
-            let bodies: Vec<Option<PaperBody>> = scene
-                .organs
-                .iter()
-                .map(|organ| match organ.body {
-                    Body::Paper { stiffness, damping, mass } => Some(PaperBody { stiffness, damping, mass }),
-                    Body::Tissue { .. } | Body::Rigid => None,
-                })
-                .collect();
-            paper::assemble(lattice, &bodies)
-        }
-        Model::Tissue => {
-            let bodies: Vec<Option<TissueBody>> = scene
-                .organs
-                .iter()
-                .map(|organ| match organ.body {
-                    Body::Tissue { youngs_modulus, density, damping_ratio } => Some(TissueBody {
-                        youngs_modulus,
-                        poissons_ratio: 0.25,
-                        density,
-                        damping: Damping::Ratio(damping_ratio),
-                    }),
-                    Body::Paper { .. } | Body::Rigid => None,
-                })
-                .collect();
-            tissue::assemble(lattice, &bodies)
-        }
     }
 }
 

@@ -84,6 +84,28 @@ mod tests {
     }
 
     #[test]
+    fn the_materials_are_listed() {
+        let schema = json_schema();
+        let text = schema["$defs"]["Organ"]["properties"]["material"]["description"].as_str().unwrap();
+        let words: Vec<&str> = text.split([' ', ',', ';', '\n']).collect();
+        for tissue in crate::material::library::tissues() {
+            assert!(words.contains(&tissue.name), "no {} in {text}", tissue.name);
+        }
+    }
+
+    #[test]
+    fn a_modulus_is_a_number_or_one_of_two_keys() {
+        let schema = json_schema();
+        let choices = &schema["$defs"]["Modulus"]["anyOf"];
+        assert_eq!((choices[0]["type"].as_str(), &choices[0]["exclusiveMinimum"]), (Some("number"), &0.into()));
+        let table = &schema["$defs"]["VaryingModulus"];
+        assert_eq!((&table["minProperties"], &table["maxProperties"]), (&1.into(), &1.into()));
+        assert_eq!(table["properties"]["hu"]["minItems"], 2);
+        assert_eq!(schema["$defs"]["MapPoint"]["maxItems"], 2);
+        assert_eq!(schema["$defs"]["Organ"]["properties"]["poissons_ratio"]["maximum"], 0.49);
+    }
+
+    #[test]
     fn nothing_may_be_null_and_ranges_are_kept() {
         let schema = json_schema();
         assert!(!schema.to_string().contains("null"));

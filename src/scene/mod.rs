@@ -10,6 +10,7 @@
 //! Not promised: that the files a scene names exist, that its organs have voxels, that its regions hold particles, or
 //! that a given `dt` is stable. Those who open, build and step say so.
 
+mod bodies;
 mod checks;
 mod color;
 mod diagnostics;

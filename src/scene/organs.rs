@@ -1,23 +1,21 @@
-//! Organs: which voxels each takes, what it is made of, and its colour.
+//! Organs: which voxels each takes, and its colour; what each is made of stands in [`super::bodies`].
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::bodies::body;
 use super::checks::Checks;
 use super::color;
 use super::diagnostics::KeyPath;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::resolve::LabelLookup;
-use super::resolved::{Body, Model, Organ, VoxelSelection};
+use super::resolved::{Model, Organ, VoxelSelection};
 use super::schema::{self, SceneFile};
 use super::values::{Label, LabelList, Pair};
 use crate::lattice::FRINGE;
 
-const DEFAULT_DAMPING_RATIO: f64 = 0.1;
 /// Most organs of a scene: a particle keeps its organ in a byte, whose last value marks the fringe.
 const MAX_ORGANS: usize = FRINGE as usize;
-const PAPER_KEYS: &str = "stiffness (N/m), damping (N s/m) and mass (kg)";
-const TISSUE_KEYS: &str = "youngs_modulus (Pa), density (kg/m3) and damping_ratio";
 
 /// Checks and resolves every organ; `None` when a problem was found.
 pub(super) fn organs(
@@ -38,7 +36,7 @@ pub(super) fn organs(
     let mut resolved = Vec::new();
     for (index, (organ, labels)) in file.organ.iter().zip(labels).enumerate() {
         let table = list.index(index);
-        let body = body(checks, &table, organ, model);
+        let body = body(checks, &table, organ, file, model, folder);
         let voxels = voxels(checks, &table, organ, labels, file);
         let color = match &organ.color {
             None => Some(color::default_for(&organ.name, index)),
@@ -224,72 +222,5 @@ fn check_hu_overlaps(checks: &mut Checks<'_>, organs: &[schema::Organ]) {
             let caution = Caution::OverlappingHu { min: number(min), max: number(max), first };
             checks.caution(&KeyPath::top("organ").index(index).key("hu"), caution);
         }
-    }
-}
-
-fn body(checks: &mut Checks<'_>, table: &KeyPath, organ: &schema::Organ, model: Model) -> Option<Body> {
-    let paper = [("stiffness", organ.stiffness), ("damping", organ.damping), ("mass", organ.mass)];
-    let tissue =
-        [("youngs_modulus", organ.youngs_modulus), ("density", organ.density), ("damping_ratio", organ.damping_ratio)];
-    if organ.rigid {
-        let written = paper.into_iter().chain(tissue).filter(|(_, value)| value.is_some());
-        for (key, _) in written {
-            let next = "a rigid organ does not deform and has no material; keep one of the two".to_owned();
-            checks.problem(&table.key(key), Problem::Conflict { first: "rigid".into(), second: key.into(), next });
-        }
-        return Some(Body::Rigid);
-    }
-    let (foreign, belongs_to, model_name, takes) = match model {
-        Model::Tissue => (paper, "paper", "tissue", TISSUE_KEYS),
-        Model::Paper => (tissue, "tissue", "paper", PAPER_KEYS),
-    };
-    for (key, value) in foreign {
-        if value.is_some() {
-            checks.problem(&table.key(key), Problem::OtherModel { key, belongs_to, model: model_name, takes });
-        }
-    }
-    let mut needed = |key: &str, value: Option<f64>, example: &str| {
-        if value.is_none() {
-            checks.missing(table, key, format!("model \"{model_name}\" takes {takes}; write {key} = {example}"));
-        }
-        value
-    };
-    match model {
-        Model::Tissue => {
-            let youngs_modulus = needed("youngs_modulus", organ.youngs_modulus, "5e3 (Pa)");
-            let density = needed("density", organ.density, "1060 (kg/m3)");
-            let (youngs_modulus, density) = (youngs_modulus?, density?);
-            checks.above_zero(&table.key("youngs_modulus"), youngs_modulus, "Pa");
-            checks.above_zero(&table.key("density"), density, "kg/m3");
-            let damping_ratio = organ.damping_ratio.unwrap_or(DEFAULT_DAMPING_RATIO);
-            checks.not_negative(&table.key("damping_ratio"), damping_ratio, "");
-            check_usual(checks, table, youngs_modulus, density);
-            Some(Body::Tissue { youngs_modulus, density, damping_ratio })
-        }
-        Model::Paper => {
-            let stiffness = needed("stiffness", organ.stiffness, "10 (N/m)");
-            let damping = needed("damping", organ.damping, "0.01 (N s/m)");
-            let mass = needed("mass", organ.mass, "3e-5 (kg)");
-            let (stiffness, damping, mass) = (stiffness?, damping?, mass?);
-            checks.above_zero(&table.key("stiffness"), stiffness, "N/m");
-            checks.not_negative(&table.key("damping"), damping, "N s/m");
-            checks.above_zero(&table.key("mass"), mass, "kg");
-            Some(Body::Paper { stiffness, damping, mass })
-        }
-    }
-}
-
-/// Warns where a number looks like kPa or g/cm3. Softest tissue (fat, brain): some hundred Pa; cortical bone: 2e10 Pa,
-/// 1900 kg/m3; inflated lung: 200 kg/m3; metal implants reach 1.1e11 Pa (titanium) and 8000 kg/m3 (steel).
-fn check_usual(checks: &mut Checks<'_>, table: &KeyPath, youngs_modulus: f64, density: f64) {
-    if youngs_modulus > 0.0 && !(50.0..=5e11).contains(&youngs_modulus) {
-        let (usual, hint) = ("50 to 5e11", "1 kPa is 1e3 Pa");
-        let caution = Caution::UnusualValue { found: number(youngs_modulus), unit: "Pa", usual, hint };
-        checks.caution(&table.key("youngs_modulus"), caution);
-    }
-    if density > 0.0 && !(50.0..=25_000.0).contains(&density) {
-        let (usual, hint) = ("50 to 25000", "1 g/cm3 is 1000 kg/m3");
-        let caution = Caution::UnusualValue { found: number(density), unit: "kg/m3", usual, hint };
-        checks.caution(&table.key("density"), caution);
     }
 }

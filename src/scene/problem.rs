@@ -172,6 +172,15 @@ pub enum Caution {
         /// What the number might have been meant as.
         hint: &'static str,
     },
+    /// A Poisson's ratio below that of springs alone, so that the volume term takes stiffness away.
+    #[error(
+        "Poisson's ratio {found} is below 0.25, which is sound at small strain only: cells resist being squeezed less \
+         than their springs do and may collapse; use 0.25 or more for large deformations"
+    )]
+    SmallStrainOnly {
+        /// The value.
+        found: String,
+    },
     /// Two organs whose HU ranges overlap.
     #[error("[{min}, {max}] HU overlaps the range of {first}, which takes the common voxels because it comes first")]
     OverlappingHu {
@@ -183,7 +192,10 @@ pub enum Caution {
         first: String,
     },
     /// Gravity, but nothing that holds the organs.
-    #[error("nothing holds the organs, so they fall freely; add a [[fix]], an organ with `rigid = true`, or a grab")]
+    #[error(
+        "nothing holds the organs, so they fall freely; add a [[fix]], an organ with `rigid = true` and no density, or a \
+         grab"
+    )]
     FreeFall,
     /// No force, no motion: the run would show the rest state.
     #[error("nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]] or [gravity]")]
@@ -298,7 +310,7 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
 
 /// The names to choose from; long lists (labels of a whole body) are cut short.
 fn known_names(kind: &str, known: &[String]) -> String {
-    const SHOWN: usize = 16;
+    const SHOWN: usize = 24;
     if known.is_empty() {
         return format!("no {kind} are known here");
     }

@@ -163,7 +163,7 @@ fn look_over(checks: &mut Checks<'_>, scene: &Scene) {
     let grabbed = does(|action| matches!(action, Action::Grab { .. }));
     let held = grabbed
         || does(|action| matches!(action, Action::Fix { .. }))
-        || scene.organs.iter().any(|organ| organ.body == Body::Rigid);
+        || scene.organs.iter().any(|organ| organ.body == Body::Rigid { density: None });
     let falls = scene.gravity != Vector3::zeros();
     if falls && !held {
         checks.caution(&KeyPath::top("gravity"), Caution::FreeFall);

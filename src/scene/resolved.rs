@@ -119,7 +119,7 @@ pub enum VoxelSelection {
 }
 
 /// What an organ is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Body {
     /// Equal springs and dampers (model `paper`).
@@ -134,19 +134,72 @@ pub enum Body {
         #[serde(rename = "mass_kg")]
         mass: f64,
     },
-    /// Isotropic elastic tissue with Poisson's ratio 1/4 (model `tissue`).
+    /// Isotropic elastic tissue (model `tissue`).
     Tissue {
         /// Young's modulus [Pa].
         #[serde(rename = "youngs_modulus_pa")]
-        youngs_modulus: f64,
+        youngs_modulus: YoungsModulus,
+        /// Poisson's ratio, from 0 to 0.49.
+        poissons_ratio: f64,
         /// Density [kg/m^3].
         #[serde(rename = "density_kg_per_m3")]
         density: f64,
-        /// Damping relative to critical at the lattice's own frequency `sqrt(E / density) / pitch`.
-        damping_ratio: f64,
+        /// How motion dies out.
+        damping: Damping,
     },
-    /// Bone: particles that do not deform; they move only when an operation moves them.
-    Rigid,
+    /// Bone: particles that do not deform.
+    Rigid {
+        /// Density of a body that moves freely as a whole [kg/m^3]; `None` for one that stays where it is unless an
+        /// operation moves it.
+        #[serde(rename = "density_kg_per_m3")]
+        density: Option<f64>,
+    },
+}
+
+/// Young's modulus of an organ [Pa].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum YoungsModulus {
+    /// The same everywhere [Pa].
+    Constant(f64),
+    /// From the CT number: points `[HU, Pa]` by ascending HU, at least two; straight between them, constant beyond the
+    /// ends.
+    FromHu(Vec<[f64; 2]>),
+    /// From a volume of moduli [Pa] on the grid of the image or labels.
+    FromFile(PathBuf),
+}
+
+impl YoungsModulus {
+    /// Young's modulus of a voxel with this CT number [Pa]; `None` when only a file knows. A value that is not a number
+    /// counts as the lowest.
+    pub fn at_hu(&self, hu: f64) -> Option<f64> {
+        match self {
+            Self::Constant(modulus) => Some(*modulus),
+            Self::FromHu(points) => {
+                // How many points lie below: the value is between the last of them and the next.
+                let next = points.iter().take_while(|point| point[0] < hu).count();
+                let Some(&[hu_above, above]) = points.get(next) else { return points.last().map(|point| point[1]) };
+                let Some(&[hu_below, below]) = next.checked_sub(1).and_then(|last| points.get(last)) else {
+                    return Some(above);
+                };
+                let t = (hu - hu_below) / (hu_above - hu_below);
+                // Exact at both ends and between them in between.
+                Some(below * (1.0 - t) + above * t)
+            }
+            Self::FromFile(_) => None,
+        }
+    }
+}
+
+/// Damping in proportion to stiffness, given in one of two ways.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Damping {
+    /// Relative to critical at the lattice's own frequency `sqrt(E / density) / pitch`.
+    Ratio(f64),
+    /// Viscosity of a slowly pulled bar [Pa s].
+    #[serde(rename = "viscosity_pa_s")]
+    Viscosity(f64),
 }
 
 /// Duration, frames and step.
@@ -251,7 +304,17 @@ mod tests {
             Region::HalfSpace { point: Point3::origin(), normal: Vector3::z() },
         ]);
         let paper = Body::Paper { stiffness: 0.1, damping: 0.7e-3, mass: 1e-5 };
-        let tissue = Body::Tissue { youngs_modulus: 5e3, density: 1060.0, damping_ratio: 0.1 };
+        let tissue = |youngs_modulus, damping| Body::Tissue {
+            youngs_modulus,
+            poissons_ratio: 0.1 + 0.2,
+            density: 1060.0,
+            damping,
+        };
+        let constant = tissue(YoungsModulus::Constant(5e3), Damping::Ratio(0.1));
+        let mapped =
+            tissue(YoungsModulus::FromHu(vec![[-100.0, 2e3], [0.1 + 0.2, 1e5 / 3.0]]), Damping::Viscosity(0.7));
+        let measured = tissue(YoungsModulus::FromFile("/data/e.nii.gz".into()), Damping::Viscosity(0.0));
+        let labels = |label| VoxelSelection::Labels(vec![label]);
         let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color: [0.1, 0.2, 1.0 / 3.0] };
         let actions = [
             Action::Fix { region: region.clone() },
@@ -264,8 +327,11 @@ mod tests {
             lattice: LatticeSpec { model: Model::Tissue, pitch: Some(0.003) },
             organs: vec![
                 organ("a", VoxelSelection::Labels(vec![1, 65535]), paper),
-                organ("b", VoxelSelection::Hu { min: -0.1, max: 120.3 }, tissue),
-                organ("c", VoxelSelection::Labels(vec![7]), Body::Rigid),
+                organ("b", VoxelSelection::Hu { min: -0.1, max: 120.3 }, constant),
+                organ("c", labels(7), Body::Rigid { density: None }),
+                organ("d", labels(8), Body::Rigid { density: Some(1920.0) }),
+                organ("e", labels(9), mapped),
+                organ("f", labels(10), measured),
             ],
             time: TimeSpec { duration: 0.4, frames: 40, dt: None },
             gravity: Vector3::new(0.0, 0.0, -9.81),
@@ -292,7 +358,14 @@ mod tests {
     fn json_names_its_units_and_has_null_for_no_end() {
         let value = serde_json::to_value(scene()).unwrap();
         assert_eq!(value["lattice"]["pitch_m"], 0.003);
-        assert_eq!(value["organs"][1]["body"]["tissue"]["youngs_modulus_pa"], 5e3);
+        let tissue = |organ: usize| &value["organs"][organ]["body"]["tissue"];
+        assert_eq!(tissue(1)["youngs_modulus_pa"]["constant"], 5e3);
+        assert_eq!(tissue(1)["damping"]["ratio"], 0.1);
+        assert_eq!(tissue(4)["youngs_modulus_pa"]["from_hu"][0][1], 2e3);
+        assert_eq!(tissue(4)["damping"]["viscosity_pa_s"], 0.7);
+        assert_eq!(tissue(5)["youngs_modulus_pa"]["from_file"], "/data/e.nii.gz");
+        assert_eq!(value["organs"][3]["body"]["rigid"]["density_kg_per_m3"], 1920.0);
+        assert!(value["organs"][2]["body"]["rigid"]["density_kg_per_m3"].is_null());
         assert_eq!(value["organs"][0]["voxels"]["labels"][1], 65535);
         assert!(value["operations"][0]["until_s"].is_null());
         let region = &value["operations"][0]["action"]["fix"]["region"];
@@ -300,7 +373,37 @@ mod tests {
         assert_eq!(value["operations"][3]["action"]["cut"]["path_mm"][0][0], 1.0);
     }
 
+    #[test]
+    fn a_map_is_straight_between_its_points_and_constant_beyond() {
+        let map = YoungsModulus::FromHu(vec![[-100.0, 2e3], [0.0, 5e3], [100.0, 2e4]]);
+        let expected = [
+            (-1e9, 2e3),
+            (-100.0, 2e3),
+            (-50.0, 3.5e3),
+            (0.0, 5e3),
+            (20.0, 8e3),
+            (100.0, 2e4),
+            (3e3, 2e4),
+            (f64::NEG_INFINITY, 2e3),
+            (f64::INFINITY, 2e4),
+            (f64::NAN, 2e3),
+        ];
+        for (hu, modulus) in expected {
+            assert_eq!(map.at_hu(hu), Some(modulus), "{hu} HU");
+        }
+        assert_eq!(YoungsModulus::Constant(7.0).at_hu(40.0), Some(7.0));
+        assert_eq!(YoungsModulus::FromFile("e.nii".into()).at_hu(40.0), None);
+    }
+
     proptest::proptest! {
+        #[test]
+        fn a_map_never_leaves_the_values_around(hu in -2e3..4e3, low in 1.0..1e6, high in 1.0..1e11) {
+            let map = YoungsModulus::FromHu(vec![[-1e3, low], [40.0, high], [41.0, low]]);
+            let modulus = map.at_hu(hu).unwrap();
+            let (least, most) = (low.min(high), low.max(high));
+            proptest::prop_assert!(modulus >= least * (1.0 - 1e-15) && modulus <= most * (1.0 + 1e-15), "{}", modulus);
+        }
+
         #[test]
         fn every_finite_number_survives_json(bits: u64, pitch: f64) {
             let duration = f64::from_bits(bits);

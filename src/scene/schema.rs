@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::resolved::{Model, PhantomKind};
-use super::values::{LabelList, Pair, Triple, some_table, table, tables};
+use super::values::{LabelList, Modulus, Pair, Triple, some_table, table, tables};
 
 /// A scene of yawara: which organs, which material, what is done to them, and when.
 ///
@@ -91,8 +91,10 @@ pub(super) struct Lattice {
 
 /// One organ: which voxels, and what it is made of.
 ///
-/// Model "tissue" takes `youngs_modulus`, `density` and `damping_ratio`; model "paper" takes `stiffness`, `damping` and
-/// `mass`; an organ with `rigid = true` takes none of them.
+/// Model "tissue" takes a `material` by name, or the numbers `youngs_modulus`, `poissons_ratio`, `density` and one of
+/// `damping_ratio` and `viscosity`; a number given beside a material replaces that of the material. Model "paper" takes
+/// `stiffness`, `damping` and `mass`. An organ with `rigid = true` takes none of them but `density`, or the density of a
+/// `material`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Organ {
@@ -104,21 +106,41 @@ pub(super) struct Organ {
     /// Voxels whose CT number lies between these two, borders included [HU]. Either `label` or `hu` is needed.
     /// Example: `hu = [0, 120]`.
     pub(super) hu: Option<Pair>,
-    /// Bone: particles that do not deform and move only when an operation moves them. Default: false.
+    /// Bone: particles that do not deform. With a `density` (or a `material`, of which only the density is taken) the
+    /// organ moves freely as one rigid body; without, it stays where it is unless an operation moves it. Default: false.
     /// Example: `rigid = true`.
     #[serde(default)]
     pub(super) rigid: bool,
-    /// Young's modulus [Pa], above 0; model "tissue" only, no default. Liver is about 5 kPa.
-    /// Example: `youngs_modulus = 5e3`.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub(super) youngs_modulus: Option<f64>,
-    /// Density [kg/m^3], above 0; model "tissue" only, no default. Example: `density = 1060`.
+    /// A tissue by name, which gives Young's modulus, Poisson's ratio and density; the keys below replace one number
+    /// each. One of aorta, bladder, bone, bowel, brain, cartilage, fat, gallbladder, heart, kidney, liver, lung, muscle,
+    /// pancreas, skin, spleen, stomach, thyroid and trabecular_bone; model "tissue", or rigid. Default: none, and
+    /// `youngs_modulus` and `density` are needed. Example: `material = "liver"`.
+    pub(super) material: Option<String>,
+    /// Young's modulus [Pa], above 0; model "tissue" only. A number, a map from CT numbers, or a volume of moduli on the
+    /// grid of the image or labels. Default: that of `material`; without one it is needed. Liver is about 5 kPa.
+    /// Example: `youngs_modulus = 5e3`, `youngs_modulus = { hu = [[-100, 2e3], [0, 5e3], [100, 2e4]] }` or
+    /// `youngs_modulus = { file = "stiffness.nii.gz" }`.
+    pub(super) youngs_modulus: Option<Modulus>,
+    /// Poisson's ratio, from 0 to 0.49; model "tissue" only. Default: that of `material` (0.45 for soft tissue), without
+    /// one 0.25, which is what springs alone have and costs nothing extra. Any other value adds a volume term to every
+    /// cell, and the nearer to 1/2, the smaller the time step: at 0.49 it is about half that at 0.45. Below 0.25 the
+    /// term is negative, which is sound at small strain only. Example: `poissons_ratio = 0.45`.
+    #[schemars(extend("minimum" = 0, "maximum" = 0.49))]
+    pub(super) poissons_ratio: Option<f64>,
+    /// Density [kg/m^3], above 0; model "tissue", or rigid. Default: that of `material`; without one it is needed unless
+    /// the organ is rigid. Example: `density = 1060`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) density: Option<f64>,
     /// Damping relative to critical at the lattice's own frequency, sqrt(youngs_modulus / density) / pitch; 0 or more,
-    /// model "tissue" only. Default: 0.1. Example: `damping_ratio = 0.2`.
+    /// model "tissue" only. Another pitch damps the same motion differently; `viscosity`, given instead, does not.
+    /// Default: 0.1, unless `viscosity` is given. Example: `damping_ratio = 0.2`.
     #[schemars(extend("minimum" = 0))]
     pub(super) damping_ratio: Option<f64>,
+    /// Viscosity of a slowly pulled bar [Pa s], 0 or more, instead of `damping_ratio`: stress is youngs_modulus times
+    /// strain plus this times the rate of strain, the same material at every pitch; model "tissue" only. Default: none,
+    /// `damping_ratio` holds. Example: `viscosity = 5`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) viscosity: Option<f64>,
     /// Spring constant [N/m], above 0; model "paper" only, no default. Example: `stiffness = 10`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) stiffness: Option<f64>,

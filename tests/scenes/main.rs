@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
+use yawara::material::library;
 use yawara::run::label_lookup::Files;
 use yawara::scene::resolved::{
-    Action, Body, Model, Operation, PhantomKind, Scene, TimeSpec, VolumeSource, VoxelSelection,
+    Action, Body, Damping, Model, Operation, PhantomKind, Scene, TimeSpec, VolumeSource, VoxelSelection, YoungsModulus,
 };
 use yawara::scene::{self, Caution, LabelLookup, Problem, SceneError, Warning};
 
@@ -55,6 +56,10 @@ fn small(more: &str) -> String {
         + more
 }
 
+fn tissue(youngs_modulus: YoungsModulus, poissons_ratio: f64, density: f64, damping: Damping) -> Body {
+    Body::Tissue { youngs_modulus, poissons_ratio, density, damping }
+}
+
 fn parse(text: &str) -> (Scene, Vec<Warning>) {
     let parsed = scene::parse(text, Path::new("s.toml"), Path::new("/data"), &Names);
     parsed.unwrap_or_else(|error| panic!("{error}\n{text}"))
@@ -85,7 +90,7 @@ fn every_bad_scene_is_refused_with_its_message() {
     }
     assert_eq!(files.len(), BAD_SCENES);
 }
-const BAD_SCENES: usize = 105;
+const BAD_SCENES: usize = 132;
 
 #[test]
 fn every_shipped_scene_resolves_without_a_warning_and_survives_json() {
@@ -147,8 +152,7 @@ fn what_is_left_out_has_defaults() {
     assert_eq!(scene.volume, VolumeSource::Files { image: None, labels: Some("/data/seg.nii.gz".into()) });
     assert_eq!((scene.lattice.model, scene.lattice.pitch), (Model::Tissue, None));
     assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![5]));
-    let tissue = Body::Tissue { youngs_modulus: 5e3, density: 1060.0, damping_ratio: 0.1 };
-    assert_eq!(scene.organs[0].body, tissue);
+    assert_eq!(scene.organs[0].body, tissue(YoungsModulus::Constant(5e3), 0.25, 1060.0, Damping::Ratio(0.1)));
     assert_eq!(scene.time, TimeSpec { duration: 0.4, frames: 30, dt: None });
     assert_eq!(scene.gravity, Vector3::zeros());
     let action = Action::Force { region: Region::Organ(0), force: Vector3::new(0.0, -3.0, 0.0), ramp: 0.0 };
@@ -157,6 +161,78 @@ fn what_is_left_out_has_defaults() {
 
     let phantom = small("").replace("labels = \"seg.nii.gz\"", "phantom = \"beam\"");
     assert_eq!(parse(&phantom).0.volume, VolumeSource::Phantom { kind: PhantomKind::Beam, spacing: 3.0, seed: 1 });
+}
+
+/// What the first organ of the small scene is made of, given other keys.
+fn body(keys: &str) -> (Body, Vec<String>) {
+    let pull = "[[pull]]\nregion = { organ = \"liver\" }\nforce = [0, -3, 0]\n";
+    let text = small(pull).replace("youngs_modulus = 5e3\ndensity = 1060\n", keys);
+    let (scene, warnings) = parse(&text.replace("[volume]", "[volume]\nimage = \"ct.nii.gz\""));
+    (scene.organs[0].body.clone(), warnings.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn a_material_gives_numbers_and_keys_replace_them() {
+    use YoungsModulus::{Constant, FromFile, FromHu};
+    let liver = library::tissue("liver").unwrap();
+    let (modulus, ratio, density) = (Constant(liver.youngs_modulus), liver.poissons_ratio, liver.density);
+    let damped = Damping::Ratio(0.1);
+    let bowel = library::tissue("bowel").unwrap();
+    let map = "youngs_modulus = { hu = [[-100, 2e3], [0, 5e3]] }\n";
+    let cases = [
+        ("", tissue(modulus.clone(), ratio, density, damped)),
+        ("youngs_modulus = 7e3\n", tissue(Constant(7e3), ratio, density, damped)),
+        ("density = 1000\n", tissue(modulus.clone(), ratio, 1000.0, damped)),
+        ("poissons_ratio = 0.25\n", tissue(modulus.clone(), 0.25, density, damped)),
+        ("poissons_ratio = 0.49\n", tissue(modulus.clone(), 0.49, density, damped)),
+        ("damping_ratio = 0\n", tissue(modulus.clone(), ratio, density, Damping::Ratio(0.0))),
+        ("viscosity = 15\n", tissue(modulus.clone(), ratio, density, Damping::Viscosity(15.0))),
+        (map, tissue(FromHu(vec![[-100.0, 2e3], [0.0, 5e3]]), ratio, density, damped)),
+        (
+            "youngs_modulus = { file = \"e.nii.gz\" }\n",
+            tissue(FromFile("/data/e.nii.gz".into()), ratio, density, damped),
+        ),
+        ("youngs_modulus.file = \"/e.nii\"\n", tissue(FromFile("/e.nii".into()), ratio, density, damped)),
+    ];
+    for (keys, expected) in cases {
+        assert_eq!(body(&format!("material = \"liver\"\n{keys}")), (expected, Vec::new()), "{keys}");
+    }
+    let intestine = tissue(Constant(bowel.youngs_modulus), bowel.poissons_ratio, bowel.density, damped);
+    assert_eq!(body("material = \"Intestine\"\n").0, intestine);
+    assert_eq!(body(&format!("{map}density = 900\n")).1, [""; 0]);
+
+    // A phantom has CT numbers of its own.
+    let phantom = small("").replace("labels = \"seg.nii.gz\"", "phantom = \"abdomen\"");
+    let body = parse(&phantom.replace("youngs_modulus = 5e3\n", map)).0.organs[0].body.clone();
+    assert_eq!(body, tissue(FromHu(vec![[-100.0, 2e3], [0.0, 5e3]]), 0.25, 1060.0, damped));
+}
+
+#[test]
+fn every_material_of_the_library_can_be_named_without_a_warning() {
+    for known in library::tissues() {
+        let (body, warnings) = body(&format!("material = \"{}\"\n", known.name));
+        let modulus = YoungsModulus::Constant(known.youngs_modulus);
+        assert_eq!(body, tissue(modulus, known.poissons_ratio, known.density, Damping::Ratio(0.1)));
+        assert!(warnings.is_empty(), "{}", warnings[0]);
+    }
+}
+
+#[test]
+fn a_rigid_organ_with_a_density_is_free_and_one_without_holds() {
+    let bone = library::tissue("bone").unwrap().density;
+    for (keys, density) in [
+        ("", None),
+        ("density = 1500\n", Some(1500.0)),
+        ("material = \"bone\"\n", Some(bone)),
+        ("material = \"bone\"\ndensity = 1500\n", Some(1500.0)),
+    ] {
+        let (body, warnings) = body(&format!("rigid = true\n{keys}"));
+        assert_eq!((body, warnings), (Body::Rigid { density }, Vec::new()), "{keys}");
+    }
+    let fall = "[[organ]]\nname = \"rib\"\nlabel = 6\nrigid = true\n[gravity]\nacceleration = [0, 0, -9.81]\n";
+    assert!(parse(&small(fall)).1.is_empty());
+    let free = fall.replace("rigid = true", "rigid = true\ndensity = 1500");
+    assert!(matches!(parse(&small(&free)).1[..], [Warning { what: Caution::FreeFall, .. }]));
 }
 
 #[test]
@@ -173,7 +249,7 @@ fn units_become_si_and_names_become_numbers() {
     assert_eq!(scene.organs[0].body, Body::Paper { stiffness: 10.0, damping: 0.0, mass: 1.0 });
     assert_eq!(scene.organs[0].color, [1.0; 3]);
     assert_eq!(scene.organs[1].voxels, VoxelSelection::Hu { min: 300.0, max: 3000.0 });
-    assert_eq!(scene.organs[1].body, Body::Rigid);
+    assert_eq!(scene.organs[1].body, Body::Rigid { density: None });
     assert_eq!(scene.time, TimeSpec { duration: 0.02, frames: 20, dt: Some(1e-3) });
     assert_eq!(scene.gravity, Vector3::new(0.0, -9.81, 0.0));
 }
@@ -239,6 +315,14 @@ fn oddities_are_warned_about_with_their_place() {
             vec!["pull[0]: \"pull 1\" ends at 0.1 s, before the end of its path at 0.4 s"],
         ),
         (light, vec!["organ[0].youngs_modulus: 5 Pa is outside", "organ[0].density: 1.06 kg/m3 is outside", "g/cm3"]),
+        (
+            small(pull).replace("density = 1060", "density = 1060\npoissons_ratio = 0.1"),
+            vec!["s.toml:8:18: organ[0].poissons_ratio: Poisson's ratio 0.1 is below 0.25", "small strain only"],
+        ),
+        (
+            with_image.replace("= 5e3", "= { hu = [[0, 2], [9, 2e3]] }").replace("hu = [50, 60]", "hu = [51, 60]"),
+            vec!["organ[0].youngs_modulus.hu[0][1]: 2 Pa is outside what tissue has"],
+        ),
         (with_image, vec!["organ[2].hu: [50, 60] HU overlaps the range of organ \"b\""]),
     ];
     for (text, expected) in &cases {

@@ -38,10 +38,11 @@ fn a_block_of_voxels_has_the_volume_of_its_voxels() {
     for passes in [0, 2] {
         let report = sound(&mesh(&lattice, 0, passes), "block");
         let ratio = report.volume_mm3 / 960.0;
-        // Flat walls lie 0.02 voxels outside and 0.1 beside edges (nearer crossings make slivers); edges are blunt.
+        // Edges are blunt, and smoothing makes up for the volume they lose by moving the walls.
         assert!((0.96..1.02).contains(&ratio), "{passes} passes: {ratio}");
         let bounds = report.bounds.expect("a mesh has bounds");
-        assert!(bounds[0].iter().all(|&low| (low + 0.5).abs() < 0.1), "{bounds:?}");
+        let off = if passes == 0 { 0.1 } else { 0.25 };
+        assert!(bounds[0].iter().all(|&low| (low + 0.5).abs() < off), "{bounds:?}");
     }
 }
 
