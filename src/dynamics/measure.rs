@@ -73,8 +73,19 @@ pub struct CellVolume {
     pub now: f64,
     /// Sum over the same cells at rest [m^3].
     pub rest: f64,
+    /// How many cells these are.
+    pub cells: usize,
     /// How many of them are turned inside out.
     pub inverted: usize,
+    /// The lowest corner of the first of those, in the order of the lattice.
+    pub first_inverted: Option<u32>,
+}
+
+impl CellVolume {
+    /// Change of volume relative to rest; `None` when no cell counts.
+    pub fn change(&self) -> Option<f64> {
+        (self.cells > 0).then(|| self.now / self.rest - 1.0)
+    }
 }
 
 /// Volume of the cells whose eight corners belong to organs and whose springs are all alive.
@@ -83,6 +94,25 @@ pub struct CellVolume {
 /// - A cell's volume is that of its trilinear image, exactly (six tetrahedra round a body diagonal differ from it by the
 ///   warp of the faces; the mean of both splittings of every face does not).
 pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn(u32) -> Vector3 + Sync) -> CellVolume {
+    cell_volume_of(lattice, topology, |organ| organ != FRINGE, displacement)
+}
+
+/// The same for the cells whose eight corners all belong to one organ.
+pub fn organ_volume(
+    lattice: &Lattice,
+    topology: &Topology,
+    organ: u8,
+    displacement: impl Fn(u32) -> Vector3 + Sync,
+) -> CellVolume {
+    cell_volume_of(lattice, topology, |other| other == organ, displacement)
+}
+
+fn cell_volume_of(
+    lattice: &Lattice,
+    topology: &Topology,
+    counts: impl Fn(u8) -> bool + Sync,
+    displacement: impl Fn(u32) -> Vector3 + Sync,
+) -> CellVolume {
     let shape = lattice.grid.shape;
     let h = lattice.pitch;
     let of = |particle: u32| -> Option<f64> {
@@ -91,7 +121,7 @@ pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn
             return None;
         }
         let corner = corners(shape, lattice.points[particle as usize] as usize).map(|point| lattice.particle_at[point]);
-        let inside = |p: u32| p != NO_PARTICLE && lattice.organ[p as usize] != FRINGE;
+        let inside = |p: u32| p != NO_PARTICLE && counts(lattice.organ[p as usize]);
         if !corner.iter().all(|&p| inside(p)) || !cell_is_whole(topology, &corner) {
             return None;
         }
@@ -101,16 +131,28 @@ pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn
         Some(hexahedron_volume(&place))
     };
     let numbers: Vec<u32> = (0..lattice.len() as u32).collect();
-    let partial: Vec<(f64, usize, usize)> = numbers
+    let none = CellVolume { now: 0.0, rest: 0.0, cells: 0, inverted: 0, first_inverted: None };
+    let partial: Vec<CellVolume> = numbers
         .par_chunks(CHUNK)
         .map(|chunk| {
-            chunk.iter().filter_map(|&particle| of(particle)).fold((0.0, 0, 0), |(sum, count, inverted), volume| {
-                (sum + volume, count + 1, inverted + usize::from(volume <= 0.0))
+            let volumes = chunk.iter().filter_map(|&particle| Some((particle, of(particle)?)));
+            volumes.fold(none, |sum, (particle, volume)| CellVolume {
+                now: sum.now + volume,
+                rest: sum.rest,
+                cells: sum.cells + 1,
+                inverted: sum.inverted + usize::from(volume <= 0.0),
+                first_inverted: sum.first_inverted.or((volume <= 0.0).then_some(particle)),
             })
         })
         .collect();
-    let (now, count, inverted) = partial.into_iter().fold((0.0, 0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
-    CellVolume { now, rest: count as f64 * h.powi(3), inverted }
+    let sum = partial.into_iter().fold(none, |a, b| CellVolume {
+        now: a.now + b.now,
+        rest: 0.0,
+        cells: a.cells + b.cells,
+        inverted: a.inverted + b.inverted,
+        first_inverted: a.first_inverted.or(b.first_inverted),
+    });
+    CellVolume { rest: sum.cells as f64 * h.powi(3), ..sum }
 }
 
 /// True when all 28 springs between the corners (x fastest) are alive.

@@ -8,6 +8,7 @@
 //! goes on from there: from stored frames to surfaces.
 
 pub mod drive;
+pub mod estimate;
 pub mod inputs;
 pub mod label_lookup;
 pub mod meshes;
