@@ -13,4 +13,5 @@ pub mod inputs;
 pub mod label_lookup;
 pub mod meshes;
 pub mod prepare;
+mod range;
 pub mod record;
