@@ -6,5 +6,6 @@ mod help;
 mod nasty;
 mod runs;
 mod same_bits;
+mod scene_facts;
 mod support;
 mod whole_way;
