@@ -29,7 +29,9 @@ fn a_paper_scene_amounts_to_a_solid_in_every_direction() {
     assert_eq!(facts["dt_is_from"], "scene");
     near(&facts["dt_s"], 5e-4);
     near(&facts["duration_s"], 0.02);
-    near(&facts["stable_dt_s"], 1.408e-3);
+    // 26 springs and dampers on an inner particle: a dt^2 + 2 b dt = 4.
+    let (a, b): (f64, f64) = (2.0 * 26.0 * 7.5 / 2.3e-4, 2.0 * 26.0 * 1e-3 / 2.3e-4);
+    near(&facts["stable_dt_s"], 4.0 / (b + (b * b + 4.0 * a).sqrt()));
     near(&facts["memory_mb"], number(&facts["bytes_per_particle"]) * 1e-3);
     assert!(number(&facts["estimated_time_s"]) > 0.0 && facts["estimated_from_steps"].as_u64() >= Some(3));
     let effects = &facts["effects"];
@@ -103,10 +105,15 @@ fn tissue_is_what_was_asked_for_and_waves_run_through_it() {
 }
 
 #[test]
-fn a_wall_one_voxel_thick_has_no_material_of_its_own() {
+fn an_organ_two_particles_thick_has_no_bulk() {
     let folder = Folder::new();
-    // 25 mm over a cube of 60 mm: no particle has all its neighbours in the organ.
-    folder.write("thin.toml", CUBE.replace("[lattice]", "[lattice]\npitch = 25").replace("dt = 5e-4", "dt = 1e-4"));
-    let answer = folder.yawara(&["info", "thin.toml"]).done();
-    answer.prints(&["-: too thin for a material of its own"]);
+    let everywhere = "box = { min = [-99, -99, -99], max = [99, 99, 99] }";
+    let thin = CUBE
+        .replace("[lattice]", "[lattice]\npitch = 32")
+        .replace("half_space = { point = [0, 0, -24], normal = [0, 0, -1] }", everywhere)
+        .replace("box = { min = [-31, 1, 15], max = [31, 31, 31] }", everywhere);
+    folder.write("thin.toml", thin);
+    let facts = folder.yawara(&["info", "thin.toml", "--json"]).done().json();
+    assert_eq!((facts["particles"].as_u64(), facts["organs"][0]["solid"].is_null()), (Some(8), true));
+    folder.yawara(&["info", "thin.toml"]).done().prints(&["-: too thin for a material of its own"]);
 }
