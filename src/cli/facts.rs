@@ -53,7 +53,8 @@ fn write_table(items: &[Value], indent: &str, lines: &mut Vec<String>) {
     write_columns(rows, indent, lines);
 }
 
-fn write_columns(rows: Vec<Vec<String>>, indent: &str, lines: &mut Vec<String>) {
+/// Rows of cells as lines, each column as wide as its widest cell.
+pub(super) fn write_columns(rows: Vec<Vec<String>>, indent: &str, lines: &mut Vec<String>) {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {
         rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
@@ -85,7 +86,12 @@ fn plain(value: &Value) -> String {
 
 /// A number with at most six digits that count.
 fn six_digits(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    digits(value, 6)
+}
+
+/// A number with at most this many digits that count, at least 1.
+pub(super) fn digits(value: f64, most: usize) -> String {
+    let rounded: f64 = format!("{value:.*e}", most - 1).parse().unwrap_or(value);
     if rounded == 0.0 {
         "0".to_owned()
     } else if (1e-4..1e9).contains(&rounded.abs()) {

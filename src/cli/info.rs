@@ -9,23 +9,25 @@ use super::exit::Outcome;
 use super::facts::text;
 use super::mesh::open;
 use super::messages::{Messages, out};
+use super::scene_facts;
 use super::source::{Source, label_map};
 use crate::io::mesh_format::MeshFormat;
 use crate::io::nifti::{VolumeInfo, read_ct, read_info};
-use crate::run::inputs;
-use crate::run::label_lookup::Files;
-use crate::run::prepare::prepare;
 use crate::surface::check::check;
 
 pub(super) fn info(arguments: &InfoArguments, messages: &Messages) -> anyhow::Result<Outcome> {
     let path = &arguments.path;
     let facts = match Source::of(path)? {
         Source::Run => of_run(path, messages)?,
-        Source::Scene => of_scene(path, messages)?,
+        Source::Scene => scene_facts::facts(path, messages)?,
         Source::Mesh(format) => of_mesh(path, format)?,
         Source::Volume => of_volume(path)?,
     };
-    out(&if arguments.json { facts.to_string() } else { text(&facts) })?;
+    out(&match facts["kind"].as_str() {
+        _ if arguments.json => facts.to_string(),
+        Some("scene") => scene_facts::text(&facts),
+        _ => text(&facts),
+    })?;
     Ok(Outcome::Done)
 }
 
@@ -37,42 +39,6 @@ fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         facts["last_time_s"] = json!(reader.times()[last]);
         facts["severed_springs"] = json!(reader.severed(last)?.len());
     }
-    Ok(facts)
-}
-
-fn of_scene(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
-    let (scene, warnings) = crate::scene::load(path, &Files)?;
-    warnings.iter().for_each(|warning| messages.warning(warning));
-    let inputs = inputs::load(&scene)?;
-    let prepared = prepare(&scene, &inputs)?;
-    let schedule = prepared.schedule;
-    let lattice = &prepared.lattice;
-    let organs: Vec<Value> = scene
-        .organs
-        .iter()
-        .enumerate()
-        .map(|(number, organ)| {
-            let particles = lattice.organ.iter().filter(|&&o| usize::from(o) == number).count();
-            json!({ "name": organ.name, "particles": particles })
-        })
-        .collect();
-    let mut facts = json!({
-        "kind": "scene",
-        "model": scene.lattice.model,
-        "pitch_mm": lattice.pitch * 1e3,
-        "particles": lattice.len(),
-        "springs": lattice.spring_count(),
-        "organs": organs,
-        "operations": scene.operations.len(),
-        "duration_s": scene.time.duration,
-        "stable_dt_s": schedule.stable_dt,
-        "dt_s": schedule.dt,
-        "steps": schedule.steps,
-        "frames": schedule.frames,
-    });
-    let world = prepared.into_world(scene.gravity);
-    facts["bytes_per_particle"] = json!(world.bytes_per_particle());
-    facts["share_of_blocks_alike"] = json!(world.alike_share());
     Ok(facts)
 }
 

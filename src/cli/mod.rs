@@ -16,6 +16,7 @@ mod phantom;
 mod progress;
 mod run;
 mod scene;
+mod scene_facts;
 mod slice;
 mod source;
 mod volume;

@@ -11,13 +11,13 @@ use super::exit::Outcome;
 use super::messages::Messages;
 use super::progress;
 use super::source::Source;
-use crate::dynamics::World;
 use crate::dynamics::timeline::{Event, Timeline, What};
+use crate::dynamics::{StepError, World};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::run::prepare::prepare;
-use crate::run::record::{Recorder, describe};
+use crate::run::record::{Recorder, describe, organ_name};
 use crate::scene::resolved::{Action, Scene};
 use crate::store::{RunWriter, Status, WriteRunError};
 
@@ -77,42 +77,86 @@ pub(super) fn simulate(
     drop(inputs);
     let mut world = prepared.into_world(scene.gravity);
     let bar = progress::bar(messages, "steps", schedule.steps);
-    let mut watch = Watch { recorder, bar, messages, scene, started: Instant::now(), volume: (1.0, 0) };
+    let mut watch = Watch { recorder, bar, messages, scene, started: Instant::now(), change: None };
     let driven = drive(&mut world, &mut timeline, &schedule, &mut watch);
     watch.bar.finish_and_clear();
     let seconds = watch.started.elapsed().as_secs_f64();
-    let Watch { recorder, volume: (volume, inverted), .. } = watch;
+    let Watch { mut recorder, change, .. } = watch;
+    if driven.is_ok() {
+        let rate = particles as f64 * world.steps() as f64 / seconds * 1e-6;
+        let time = world.time();
+        tell(
+            &mut recorder,
+            messages,
+            &format!("{time:.4} s simulated in {seconds:.2} s: {rate:.1} million particle-steps/s with frames written"),
+        )?;
+    }
+    let worst = recorder.worst().clone();
+    if let (Some(change), Some((furthest, frame))) = (change, worst.change) {
+        let [change, furthest] = [change, furthest].map(|share| 100.0 * share);
+        let line = format!(
+            "volume of whole cells {change:+.3} % in the last frame, furthest {furthest:+.3} % (frame {frame})"
+        );
+        tell(&mut recorder, messages, &line)?;
+    }
+    if let Some(inverted) = &worst.inverted {
+        recorder.log(&inverted.to_string())?;
+        messages.warning(format_args!("{inverted}; lower the forces, or refine lattice.pitch"));
+    } else if worst.change.is_some_and(|(furthest, _)| furthest.abs() > NOTABLE_VOLUME_CHANGE) {
+        messages.warning("whole cells changed their volume by more than 5 %; tissue hardly does that");
+    }
     match driven {
         Ok(()) => {
-            let mut recorder = recorder;
-            let summary = format!(
-                "{:.4} s simulated in {seconds:.2} s: {:.1} million particle-steps/s with frames written; volume of whole cells {:+.3} %",
-                world.time(),
-                particles as f64 * world.steps() as f64 / seconds * 1e-6,
-                100.0 * (volume - 1.0)
-            );
-            recorder.log(&summary)?;
             recorder.finish(Status::Complete)?;
-            messages.note(summary);
-            if inverted > 0 {
-                messages.warning(format_args!(
-                    "{inverted} {} turned inside out at the end; lower the forces or refine lattice.pitch",
-                    if inverted == 1 { "cell is" } else { "cells are" }
-                ));
-            } else if (volume - 1.0).abs() > NOTABLE_VOLUME_CHANGE {
-                messages.warning("whole cells changed their volume by more than 5 %; tissue hardly does that");
-            }
             messages.note(format_args!("run: {}", output.display()));
             Ok(Outcome::Done)
         }
         Err(DriveError::Step(error)) => {
-            recorder.finish(Status::Stopped { reason: error.to_string() })?;
-            messages.error(&error.into());
-            messages.note(format_args!("the frames before are in {}", output.display()));
-            Ok(Outcome::CheckFailed)
+            let lattice = world.lattice();
+            let StepError::Diverged { place, .. } = &error;
+            let index = lattice.grid.affine.index_of(*place);
+            let ijk = [index.x, index.y, index.z].map(|i| i.round() as usize);
+            let particle = lattice.particle_at[lattice.grid.shape.linear(ijk)];
+            let organ = organ_name(lattice, particle, recorder.organs());
+            stop(recorder, format!("organ `{organ}`: {error}"), output, messages)
+        }
+        // The step went through, but left numbers that no file can hold.
+        Err(DriveError::Observer(
+            error @ (WriteRunError::NotFinite { .. } | WriteRunError::SeriesNotFinite { .. }),
+        )) => {
+            let reason = format!(
+                "the state diverged at t = {:.6} s (step {}): {error}; a force or a grab moves the tissue beyond all measure: \
+                 lower it",
+                world.time(),
+                world.steps()
+            );
+            stop(recorder, reason, output, messages)
         }
         Err(DriveError::Observer(error)) => Err(error.into()),
     }
+}
+
+/// A line for the run's log and for the user.
+fn tell(recorder: &mut Recorder, messages: &Messages, line: &str) -> Result<(), WriteRunError> {
+    messages.note(line);
+    recorder.log(line)
+}
+
+/// Ends a run whose state diverged: its frames stay, with the reason.
+fn stop(mut recorder: Recorder, reason: String, output: &Path, messages: &Messages) -> anyhow::Result<Outcome> {
+    let path = output.display();
+    let last = recorder.last_frame();
+    recorder.log(&reason)?;
+    recorder.finish(Status::Stopped { reason: reason.clone() })?;
+    messages.error(&anyhow::Error::msg(reason));
+    messages.note(match last {
+        Some((frame, time)) => format!(
+            "the frames before are in {path}; the last good one is frame {frame}, t = {time:.6} s: `yawara mesh {path} --frame \
+             {frame} -o last.stl` shows it"
+        ),
+        None => format!("no frame was written; what was prepared is in {path}"),
+    });
+    Ok(Outcome::CheckFailed)
 }
 
 /// Records a run and shows how far it is.
@@ -122,17 +166,15 @@ struct Watch<'a> {
     messages: &'a Messages,
     scene: &'a Scene,
     started: Instant,
-    /// Volume of whole cells relative to rest, and inverted cells, at the last frame.
-    volume: (f64, usize),
+    /// Change of the volume of whole cells relative to rest in the last frame; `None` when none is whole.
+    change: Option<f64>,
 }
 
 impl Observer for Watch<'_> {
     type Error = WriteRunError;
 
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), WriteRunError> {
-        if frame.volume.rest > 0.0 {
-            self.volume = (frame.volume.now / frame.volume.rest, frame.volume.inverted);
-        }
+        self.change = frame.volume.change();
         self.recorder.frame(frame)
     }
 

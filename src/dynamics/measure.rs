@@ -73,8 +73,19 @@ pub struct CellVolume {
     pub now: f64,
     /// Sum over the same cells at rest [m^3].
     pub rest: f64,
+    /// How many cells these are.
+    pub cells: usize,
     /// How many of them are turned inside out.
     pub inverted: usize,
+    /// The lowest corner of the first of those, in the order of the lattice.
+    pub first_inverted: Option<u32>,
+}
+
+impl CellVolume {
+    /// Change of volume relative to rest; `None` when no cell counts.
+    pub fn change(&self) -> Option<f64> {
+        (self.cells > 0).then(|| self.now / self.rest - 1.0)
+    }
 }
 
 /// Volume of the tissue in cells whose springs are all alive.
@@ -83,10 +94,29 @@ pub struct CellVolume {
 /// - A cell's volume is that of its trilinear image, exactly (six tetrahedra round a body diagonal differ from it by the
 ///   warp of the faces; the mean of both splittings of every face does not).
 pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn(u32) -> Vector3 + Sync) -> CellVolume {
+    cell_volume_of(lattice, topology, None, displacement)
+}
+
+/// The same for the cells of one organ: those made of it, or, where voxels are particles, between eight of its own.
+pub fn organ_volume(
+    lattice: &Lattice,
+    topology: &Topology,
+    organ: u8,
+    displacement: impl Fn(u32) -> Vector3 + Sync,
+) -> CellVolume {
+    cell_volume_of(lattice, topology, Some(organ), displacement)
+}
+
+fn cell_volume_of(
+    lattice: &Lattice,
+    topology: &Topology,
+    organ: Option<u8>,
+    displacement: impl Fn(u32) -> Vector3 + Sync,
+) -> CellVolume {
     let h = lattice.pitch;
     // Volume of its tissue now and at rest.
     let of = |particle: u32| -> Option<(f64, f64)> {
-        let (corner, fill) = tissue_cell(lattice, particle)?;
+        let (corner, fill) = tissue_cell(lattice, organ, particle)?;
         if !cell_is_whole(topology, &corner) {
             return None;
         }
@@ -96,23 +126,37 @@ pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn
         Some((fill * hexahedron_volume(&place), fill * h.powi(3)))
     };
     let numbers: Vec<u32> = (0..lattice.len() as u32).collect();
-    let partial: Vec<(f64, f64, usize)> = numbers
+    let none = CellVolume { now: 0.0, rest: 0.0, cells: 0, inverted: 0, first_inverted: None };
+    let partial: Vec<CellVolume> = numbers
         .par_chunks(CHUNK)
         .map(|chunk| {
-            chunk.iter().filter_map(|&particle| of(particle)).fold((0.0, 0.0, 0), |(now, rest, inverted), volume| {
-                (now + volume.0, rest + volume.1, inverted + usize::from(volume.0 <= 0.0))
+            let volumes = chunk.iter().filter_map(|&particle| Some((particle, of(particle)?)));
+            volumes.fold(none, |sum, (particle, (now, rest))| CellVolume {
+                now: sum.now + now,
+                rest: sum.rest + rest,
+                cells: sum.cells + 1,
+                inverted: sum.inverted + usize::from(now <= 0.0),
+                first_inverted: sum.first_inverted.or((now <= 0.0).then_some(particle)),
             })
         })
         .collect();
-    let (now, rest, inverted) = partial.into_iter().fold((0.0, 0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
-    CellVolume { now, rest, inverted }
+    partial.into_iter().fold(none, |a, b| CellVolume {
+        now: a.now + b.now,
+        rest: a.rest + b.rest,
+        cells: a.cells + b.cells,
+        inverted: a.inverted + b.inverted,
+        first_inverted: a.first_inverted.or(b.first_inverted),
+    })
 }
 
-/// Corners and fill of the cell above a particle: a cell of material, or, where voxels are particles, the cube between
-/// eight of them.
-fn tissue_cell(lattice: &Lattice, particle: u32) -> Option<([u32; 8], f64)> {
+/// Corners and fill of the cell above a particle, of one organ or of any: a cell of material, or, where voxels are
+/// particles, the cube between eight of them.
+fn tissue_cell(lattice: &Lattice, organ: Option<u8>, particle: u32) -> Option<([u32; 8], f64)> {
+    let counts = |own: u8| organ.is_none_or(|organ| organ == own);
     if lattice.has_cells() {
-        return Some((lattice.cell(particle)?, f64::from(lattice.cell_fill[particle as usize])));
+        let corners = lattice.cell(particle)?;
+        return counts(lattice.cell_organ[particle as usize])
+            .then(|| (corners, f64::from(lattice.cell_fill[particle as usize])));
     }
     let shape = lattice.grid.shape;
     let ijk = lattice.ijk(particle);
@@ -120,7 +164,8 @@ fn tissue_cell(lattice: &Lattice, particle: u32) -> Option<([u32; 8], f64)> {
         return None;
     }
     let corner = corners(shape, lattice.points[particle as usize] as usize).map(|point| lattice.particle_at[point]);
-    corner.iter().all(|&p| p != NO_PARTICLE).then_some((corner, 1.0))
+    let inside = |p: u32| p != NO_PARTICLE && counts(lattice.organ[p as usize]);
+    corner.iter().all(|&p| inside(p)).then_some((corner, 1.0))
 }
 
 /// True when all 28 springs between the corners (x fastest) are alive.

@@ -8,10 +8,12 @@
 //! goes on from there: from stored frames to surfaces.
 
 pub mod drive;
+pub mod estimate;
 pub mod inputs;
 pub mod label_lookup;
 mod materials;
 pub mod meshes;
 mod organs;
 pub mod prepare;
+mod range;
 pub mod record;

@@ -15,6 +15,10 @@ use crate::volume::ResampleError;
 use super::inputs::Inputs;
 use super::materials::assemble;
 use super::organs::{Organs, organs};
+use super::range;
+
+/// More steps than this would take years: as many as a scene may ask for by its own step.
+const MOST_STEPS: f64 = 1e12;
 
 /// Why a scene cannot be turned into a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -67,6 +71,32 @@ pub enum PrepareError {
     /// The volume cannot be resampled to the pitch.
     #[error("lattice.pitch: {0}")]
     Pitch(#[from] ResampleError),
+    /// A number is too small or too large for the f32 the state is kept in.
+    #[error(
+        "organ `{organ}`: {what} becomes {found:e}, which f32 cannot hold (1.2e-38 to 3.4e38); check the units of its material and \
+         of time.dt"
+    )]
+    OutOfRange {
+        /// Name of the organ.
+        organ: String,
+        /// What it is, with its unit.
+        what: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The stable step is so small that the run would never end.
+    #[error(
+        "time.duration = {duration:e} s takes {steps:.1e} steps, for the largest stable one is {bound:.3e} s; expected at most \
+         1e12: shorten it, or take a softer, denser or less damped material"
+    )]
+    TooManySteps {
+        /// Simulated time asked for [s].
+        duration: f64,
+        /// Steps it would take.
+        steps: f64,
+        /// The largest stable step [s].
+        bound: f64,
+    },
     /// The step asked for is not stable.
     #[error(
         "time.dt = {asked:e} s is not stable for these materials: the largest step that is, is {bound:.3e} s; ask for at \
@@ -125,6 +155,10 @@ impl Schedule {
             return Ok(Self { dt: asked, stable_dt, steps, frames });
         }
         let steps_per_frame = (per_frame / (SAFETY * stable_dt)).ceil().max(1.0);
+        let steps = frames as f64 * steps_per_frame;
+        if steps > MOST_STEPS {
+            return Err(PrepareError::TooManySteps { duration: time.duration, steps, bound: stable_dt });
+        }
         Ok(Self { dt: per_frame / steps_per_frame, stable_dt, steps: frames * steps_per_frame as u64, frames })
     }
 
@@ -150,7 +184,12 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
     };
     let assembly = assemble(scene, inputs, &native, &lattice)?;
     let bound = stable_dt(&lattice, &Topology::new(&lattice), &assembly);
+    let rigid: Vec<bool> = scene.organs.iter().map(|organ| !soft(&organ.body)).collect();
+    let names: Vec<&str> = scene.organs.iter().map(|organ| organ.name.as_str()).collect();
+    // Infinite or zero constants first: they make the bound meaningless.
+    range::check(&lattice, &assembly, &names, &rigid, scene.time.dt.unwrap_or(0.0))?;
     let schedule = Schedule::new(&scene.time, bound)?;
+    range::check(&lattice, &assembly, &names, &rigid, schedule.dt)?;
     Ok(Prepared { lattice, assembly, schedule })
 }
 
@@ -185,6 +224,13 @@ mod tests {
         let PrepareError::UnstableStep { suggested, .. } = error else { panic!("{error}") };
         assert!(Schedule::new(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
         assert!(error.to_string().contains("3.300e-4"), "{error}");
+    }
+
+    #[test]
+    fn a_run_without_end_is_refused() {
+        let time = TimeSpec { duration: 1e300, frames: 40, dt: None };
+        let error = Schedule::new(&time, 1e-3).unwrap_err().to_string();
+        assert!(["1e300", "steps", "1.000e-3", "1e12"].iter().all(|part| error.contains(part)), "{error}");
     }
 
     #[test]

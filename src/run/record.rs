@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 use super::drive::{Frame, Observer};
 use super::inputs::Inputs;
 use super::prepare::Prepared;
+use crate::dynamics::measure::CellVolume;
 use crate::dynamics::timeline::{Event, What};
-use crate::geometry::Point3;
-use crate::lattice::Lattice;
+use crate::geometry::{Point3, Vector3};
+use crate::lattice::neighbours::NEIGHBOURS;
+use crate::lattice::{FRINGE, Lattice};
 use crate::scene::resolved::Scene;
 use crate::store::{Extra, ExtraValues, FrameData, RunHeader, RunWriter, Status, WriteRunError};
 use crate::volume::CtVolume;
@@ -29,6 +31,92 @@ pub struct Recorder {
     /// Values of each series that are not written yet: name, unit, values.
     series: Vec<(&'static str, &'static str, Vec<f64>)>,
     written: Instant,
+    /// Names of the scene's organs.
+    organs: Vec<String>,
+    last_frame: Option<(u64, f64)>,
+    worst: Worst,
+}
+
+/// The largest changes of volume among the frames of a run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Worst {
+    /// The change of volume of whole cells that is furthest from zero, relative to rest, and its frame; `None` when no cell was
+    /// ever whole.
+    pub change: Option<(f64, u64)>,
+    /// Cells turned inside out, if there were any.
+    pub inverted: Option<InvertedCells>,
+}
+
+/// Cells turned inside out: their springs still pull them back, but through themselves, so that what they show is not tissue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InvertedCells {
+    /// The most in any frame.
+    pub most: usize,
+    /// The first frame with so many.
+    pub frame: u64,
+    /// How many in the last frame.
+    pub last: usize,
+    /// Time of the first frame that has any [s].
+    pub first_time: f64,
+    /// Centre at rest of the first of them, RAS+ [mm].
+    pub first_place: Point3,
+    /// Name of the organ there.
+    pub first_organ: String,
+}
+
+impl Worst {
+    fn add(&mut self, frame: &Frame<'_>, organs: &[String]) {
+        let CellVolume { inverted, first_inverted, .. } = frame.volume;
+        if let Some(change) = frame.volume.change()
+            && self.change.is_none_or(|(worst, _)| change.abs() > worst.abs())
+        {
+            self.change = Some((change, frame.number));
+        }
+        match (&mut self.inverted, first_inverted) {
+            (Some(known), _) => {
+                if inverted > known.most {
+                    (known.most, known.frame) = (inverted, frame.number);
+                }
+                known.last = inverted;
+            }
+            (none, Some(corner)) => {
+                let lattice = frame.world.lattice();
+                // Half a cell from its lowest corner.
+                let centre = lattice.grid.affine.apply_vector(Vector3::repeat(0.5));
+                *none = Some(InvertedCells {
+                    most: inverted,
+                    frame: frame.number,
+                    last: inverted,
+                    first_time: frame.world.time(),
+                    first_place: lattice.rest_place(corner) + centre,
+                    first_organ: organ_name(lattice, corner, organs),
+                });
+            }
+            (None, None) => {}
+        }
+    }
+}
+
+/// Counts, the worst frame, and where it began.
+impl std::fmt::Display for InvertedCells {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { most, frame, last, first_time, first_place, first_organ } = self;
+        let [x, y, z] = [first_place.x, first_place.y, first_place.z];
+        write!(
+            f,
+            "{most} {} inside out in frame {frame}, {last} in the last; the first in `{first_organ}` at ({x:.1}, {y:.1}, \
+             {z:.1}) mm, {first_time:.6} s",
+            if *most == 1 { "cell" } else { "cells" }
+        )
+    }
+}
+
+/// Name of a particle's organ; a particle that only carries a border has that of the organ it borders.
+pub fn organ_name(lattice: &Lattice, particle: u32, organs: &[String]) -> String {
+    let of = |particle: u32| lattice.organ[particle as usize];
+    let neighbours = (0..NEIGHBOURS).filter_map(|direction| lattice.neighbour(particle, direction));
+    let organ = std::iter::once(particle).chain(neighbours).map(of).find(|&organ| organ != FRINGE);
+    organ.and_then(|organ| organs.get(usize::from(organ))).map_or("none", String::as_str).to_owned()
 }
 
 impl Recorder {
@@ -81,7 +169,29 @@ impl Recorder {
             schedule.steps,
             schedule.stable_dt,
         ))?;
-        Ok(Self { writer, series: Vec::new(), written: Instant::now() })
+        Ok(Self {
+            writer,
+            series: Vec::new(),
+            written: Instant::now(),
+            organs: scene.organs.iter().map(|organ| organ.name.clone()).collect(),
+            last_frame: None,
+            worst: Worst::default(),
+        })
+    }
+
+    /// Number and time [s] of the last frame that was recorded.
+    pub fn last_frame(&self) -> Option<(u64, f64)> {
+        self.last_frame
+    }
+
+    /// The largest changes of volume so far.
+    pub fn worst(&self) -> &Worst {
+        &self.worst
+    }
+
+    /// Names of the organs, in the order of the scene.
+    pub fn organs(&self) -> &[String] {
+        &self.organs
     }
 
     /// Adds a line to the run's log.
@@ -115,17 +225,16 @@ impl Observer for Recorder {
 
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), WriteRunError> {
         let world = frame.world;
-        for (name, unit, value) in [
+        let values = [
             ("volume_by_cells", "m3", frame.volume.now),
             ("rest_volume_by_cells", "m3", frame.volume.rest),
             ("inverted_cells", "1", frame.volume.inverted as f64),
             ("kinetic_energy", "J", frame.balance.kinetic),
             ("elastic_energy", "J", frame.balance.elastic),
-        ] {
-            match self.series.iter_mut().find(|series| series.0 == name) {
-                Some((_, _, values)) => values.push(value),
-                None => self.series.push((name, unit, vec![value])),
-            }
+        ];
+        // Before anything is kept: frames and series have the same length, whatever ends a run.
+        if let Some(&(name, _, value)) = values.iter().find(|(_, _, value)| !value.is_finite()) {
+            return Err(WriteRunError::SeriesNotFinite { name: name.to_owned(), row: frame.number as usize, value });
         }
         self.writer.push_frame(FrameData {
             time_s: world.time(),
@@ -133,6 +242,23 @@ impl Observer for Recorder {
             displacements_mm: &world.displacements_mm(),
             severed: world.topology().severed(),
         })?;
+        for (name, unit, value) in values {
+            match self.series.iter_mut().find(|series| series.0 == name) {
+                Some((_, _, values)) => values.push(value),
+                None => self.series.push((name, unit, vec![value])),
+            }
+        }
+        self.last_frame = Some((frame.number, world.time()));
+        let before = self.worst.inverted.is_some();
+        self.worst.add(frame, &self.organs);
+        if let (false, Some(inverted)) = (before, &self.worst.inverted) {
+            let InvertedCells { most, first_place: place, first_organ, first_time, .. } = inverted;
+            self.writer.log(&format!(
+                "{first_time:.6} s: frame {} is the first with cells inside out: {most}, the first in `{first_organ}` at \
+                 ({:.1}, {:.1}, {:.1}) mm",
+                frame.number, place.x, place.y, place.z
+            ))?;
+        }
         if self.written.elapsed() > SERIES_INTERVAL { self.write_series() } else { Ok(()) }
     }
 

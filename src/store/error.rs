@@ -75,6 +75,16 @@ pub enum WriteRunError {
         /// First such particle.
         particle: usize,
     },
+    /// A value of a series is NaN or infinite.
+    #[error("series `{name}`: value {row} is {value}, expected a finite number; nothing of it was written")]
+    SeriesNotFinite {
+        /// Name of the series.
+        name: String,
+        /// Row it would have had.
+        row: usize,
+        /// The value.
+        value: f64,
+    },
     /// The list of severed springs no longer begins with the springs of the frame before.
     #[error(
         "frame {frame}: {found} severed springs given, but the frame before had {before} and springs do not grow back"

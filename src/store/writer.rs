@@ -246,9 +246,13 @@ impl RunWriter {
     /// Appends values to a named series, which begins with the first call.
     ///
     /// # Errors
-    /// If the name cannot be used, the unit changed, or the values cannot be written.
+    /// If the name cannot be used, the unit changed, a value is not finite, or the values cannot be written.
     pub fn push_series(&mut self, name: &str, unit: &str, values: &[f64]) -> Result<(), WriteRunError> {
         check_name(name)?;
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            let row = self.series.get(name).map_or(0, Growing::rows) + at;
+            return Err(WriteRunError::SeriesNotFinite { name: name.to_owned(), row, value: values[at] });
+        }
         let folder = self.path.join(ARRAYS).join("series").join(name);
         let series = self
             .series

@@ -114,7 +114,7 @@ fn a_state_that_diverges_ends_with_code_1_and_keeps_its_frames() {
     folder.write("cube.toml", CUBE.replace("force = [0, 1.5, 0]", "force = [0, 1e9, 0]"));
     let answer = folder.yawara(&["run", "cube.toml", "-o", "run"]).expect(1);
     assert_eq!(answer.stdout, "");
-    answer.says(&["error: the state diverged at t = 0.00", "mm", "the frames before are in run"]);
+    answer.says(&["error: organ `cube`: the state diverged at t = 0.00", "mm", "the frames before are in run"]);
     let info = folder.yawara(&["info", "run", "--json"]).done().says(&["warning"]).json();
     assert_eq!(info["manifest"]["status"]["state"], "stopped");
     assert!(info["manifest"]["frames"].as_u64() >= Some(1));

@@ -3,7 +3,9 @@
 mod bad_input;
 mod bad_output;
 mod help;
+mod nasty;
 mod runs;
 mod same_bits;
+mod scene_facts;
 mod support;
 mod whole_way;

@@ -448,6 +448,8 @@ fn frames_that_do_not_fit_are_refused_and_change_nothing() {
     }
     let text = writer.push_series("volume_by_cells", "m3", &[1.0]).unwrap_err().to_string();
     assert!(text.contains("mL") && text.contains("m3"), "{text}");
+    let text = writer.push_series("energy", "J", &[1.0, f64::NAN]).unwrap_err().to_string();
+    assert!(text.contains("`energy`: value 1 is NaN"), "{text}");
     assert_eq!(tree(&path), before);
     writer.push_frame(frame(&good, &all)).unwrap();
     writer.finish(Status::Stopped { reason: "the tip exploded".into() }).unwrap();

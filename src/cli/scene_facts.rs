@@ -1,0 +1,354 @@
+//! What a scene amounts to, before it is run: size, material, step, effects, time.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::facts::{digits, write_columns};
+use super::messages::Messages;
+use crate::dynamics::measure::cell_volume;
+use crate::dynamics::stable_dt::SAFETY;
+use crate::dynamics::timeline::Timeline;
+use crate::geometry::Vector3;
+use crate::lattice::{Lattice, Topology};
+use crate::material::Assembly;
+use crate::material::elastic::Bulk;
+use crate::run::estimate::Pace;
+use crate::run::inputs;
+use crate::run::label_lookup::Files;
+use crate::run::prepare::prepare;
+use crate::scene::resolved::{Body, Organ, Scene};
+
+/// The world is stepped for about this long to find its pace.
+const BUDGET: Duration = Duration::from_millis(300);
+/// A material whose Zener ratio is this close to 1 is called isotropic: constants are f32.
+const ISOTROPIC: f64 = 1e-4;
+/// Directions that tell a lattice's anisotropy: edges, face diagonals and body diagonals of its voxels.
+const DIRECTIONS: [[i32; 3]; 3] = [[1, 0, 0], [1, 1, 0], [1, 1, 1]];
+
+/// The facts of a scene; every key ends in its unit.
+pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
+    let (scene, warnings) = crate::scene::load(path, &Files)?;
+    warnings.iter().for_each(|warning| messages.warning(warning));
+    let inputs = inputs::load(&scene)?;
+    let hu_points = inputs.image.is_some();
+    let prepared = prepare(&scene, &inputs)?;
+    drop(inputs);
+    let mut timeline = Timeline::new(&scene.operations, &prepared.lattice)?;
+    let schedule = prepared.schedule;
+    let lattice = &prepared.lattice;
+    let particles = lattice.len();
+    let cells = cell_volume(lattice, &Topology::new(lattice), |_| Vector3::zeros()).cells;
+    let organs: Vec<Value> =
+        (0..).zip(&scene.organs).map(|(number, organ)| of_organ(number, organ, lattice, &prepared.assembly)).collect();
+    let effects = effects(&scene, &prepared.assembly, lattice.spring_count());
+    // Each frame 3 f32 per particle; once: points, ijk, rest, organ and springs of each, and the CT at every grid point.
+    let frame_bytes = 12 * particles + 24;
+    let rest_bytes = particles * (4 + 12 + 12 + 1 + 4) + if hu_points { 4 * lattice.grid.shape.len() } else { 0 };
+    let disk_bytes = (schedule.frames + 1) as f64 * frame_bytes as f64 + rest_bytes as f64;
+    let mut facts = json!({
+        "kind": "scene",
+        "scene": path.display().to_string(),
+        "model": scene.lattice.model,
+        "pitch_mm": lattice.pitch * 1e3,
+        "particles": particles,
+        "springs": lattice.spring_count(),
+        "cells": cells,
+        "organs": organs,
+        "operations": scene.operations.len(),
+        "effects": effects,
+        "duration_s": schedule.dt * schedule.steps as f64,
+        "stable_dt_s": schedule.stable_dt.is_finite().then_some(schedule.stable_dt),
+        "dt_s": schedule.dt,
+        "dt_is_from": if scene.time.dt.is_some() { "scene" } else { "stable_dt" },
+        "steps": schedule.steps,
+        "frames": schedule.frames,
+        "frame_mb": frame_bytes as f64 * 1e-6,
+        "disk_mb_at_most": disk_bytes * 1e-6,
+        "threads": rayon::current_num_threads(),
+    });
+    let mut world = prepared.into_world(scene.gravity);
+    let bytes = world.bytes_per_particle();
+    facts["bytes_per_particle"] = json!(bytes);
+    facts["memory_mb"] = json!(bytes * particles as f64 * 1e-6);
+    facts["share_of_blocks_alike"] = json!(world.alike_share());
+    match Pace::measure(&mut world, &mut timeline, &schedule, BUDGET) {
+        Ok(pace) => {
+            facts["estimated_time_s"] = json!(pace.of(&schedule));
+            facts["estimated_step_s"] = json!(pace.step);
+            facts["estimated_frame_s"] = json!(pace.frame);
+            facts["estimated_from_steps"] = json!(pace.timed_steps);
+        }
+        Err(error) => {
+            messages.warning(format_args!("no time can be estimated: {error}"));
+            facts["estimated_time_s"] = Value::Null;
+        }
+    }
+    Ok(facts)
+}
+
+/// What acts on the particles.
+fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
+    let mut kinds = BTreeMap::<String, usize>::new();
+    for operation in &scene.operations {
+        // The action's name as scenes in JSON have it, so that none is forgotten here.
+        if let Ok(Value::Object(action)) = serde_json::to_value(&operation.action) {
+            action.keys().for_each(|kind| *kinds.entry(kind.clone()).or_default() += 1);
+        }
+    }
+    json!({
+        "springs": springs,
+        "dampers": assembly.damping.is_some(),
+        "volume_term": assembly.volume.is_some(),
+        "gravity_m_per_s2": scene.gravity,
+        "rigid_organs": scene.organs.iter().filter(|organ| matches!(organ.body, Body::Rigid { .. })).count(),
+        "operations": kinds,
+    })
+}
+
+fn of_organ(number: u8, organ: &Organ, lattice: &Lattice, assembly: &Assembly) -> Value {
+    let particles = lattice.organ.iter().filter(|&&o| o == number).count();
+    let mut facts = json!({ "name": organ.name, "particles": particles, "body": organ.body, "solid": Value::Null });
+    if let Some(bulk) = Bulk::of_organ(lattice, assembly, number) {
+        facts["solid"] = of_bulk(&bulk);
+    }
+    facts
+}
+
+/// The assembled material, read back from springs, volume term and mass.
+fn of_bulk(bulk: &Bulk) -> Value {
+    let Bulk { stiffness, viscosity, density } = bulk;
+    let edge = Vector3::x();
+    let [shear_on_faces, shear_on_diagonals] = stiffness.shear_moduli();
+    let directions: Vec<Value> = DIRECTIONS
+        .iter()
+        .map(|along| {
+            let direction = Vector3::from(along.map(f64::from));
+            json!({
+                "along": along,
+                "youngs_modulus_pa": stiffness.youngs_modulus(&direction),
+                "poissons_ratios": stiffness.poissons_ratios(&direction),
+                "wave_speeds_m_per_s": stiffness.wave_speeds(*density, &direction),
+            })
+        })
+        .collect();
+    let [pressure, shear, _] = stiffness.wave_speeds(*density, &edge);
+    json!({
+        "density_kg_per_m3": density,
+        "isotropic": (stiffness.anisotropy() - 1.0).abs() < ISOTROPIC,
+        "youngs_modulus_pa": stiffness.youngs_modulus(&edge),
+        "poissons_ratio": stiffness.poissons_ratios(&edge)[0],
+        "viscosity_pa_s": viscosity.map_or(0.0, |viscosity| viscosity.youngs_modulus(&edge)),
+        "c_p_m_per_s": pressure,
+        "c_s_m_per_s": shear,
+        "bulk_modulus_pa": stiffness.bulk_modulus(),
+        "shear_moduli_pa": [shear_on_faces, shear_on_diagonals],
+        "anisotropy": stiffness.anisotropy(),
+        "c11_pa": stiffness.c11,
+        "c12_pa": stiffness.c12,
+        "c44_pa": stiffness.c44,
+        "directions": directions,
+    })
+}
+
+/// The facts for people.
+pub(super) fn text(facts: &Value) -> String {
+    let number = |key: &str| facts[key].as_f64().unwrap_or(f64::NAN);
+    let short = |key: &str| digits(number(key), 4);
+    let count = |key: &str| facts[key].as_u64().unwrap_or(0);
+    let plain = |key: &str| facts[key].as_str().unwrap_or_default().to_owned();
+    let step = match facts["stable_dt_s"].as_f64() {
+        None => format!("{} s: no spring limits it", short("dt_s")),
+        Some(bound) if plain("dt_is_from") == "scene" => {
+            format!("{} s: as the scene asks; {:.2} of the stable bound", short("dt_s"), number("dt_s") / bound)
+        }
+        Some(_) => {
+            format!("{} s: chosen; at most {SAFETY} of the stable bound, and whole steps between frames", short("dt_s"))
+        }
+    };
+    let estimate = match facts["estimated_time_s"].as_f64() {
+        None => "none: the state diverges within the first steps".to_owned(),
+        Some(seconds) => format!(
+            "{} with {} threads, an estimate: {} ms a step over the first {}, {} ms a frame, disk not counted",
+            duration(seconds),
+            count("threads"),
+            digits(1e3 * number("estimated_step_s"), 3),
+            count("estimated_from_steps"),
+            digits(1e3 * number("estimated_frame_s"), 3),
+        ),
+    };
+    let rows = [
+        ("scene", plain("scene")),
+        ("lattice", format!("model {}, pitch {} mm", plain("model"), short("pitch_mm"))),
+        ("size", format!("{} particles, {} springs, {} cells", count("particles"), count("springs"), count("cells"))),
+        (
+            "memory",
+            format!("{} MB while stepping, {} bytes per particle", short("memory_mb"), short("bytes_per_particle")),
+        ),
+        (
+            "disk",
+            format!(
+                "at most {} MB: {} frames of {} MB and the lattice, before compression",
+                short("disk_mb_at_most"),
+                count("frames") + 1,
+                short("frame_mb")
+            ),
+        ),
+        ("simulated", format!("{} s in {} steps, {} frames", short("duration_s"), count("steps"), count("frames"))),
+        ("stable bound", facts["stable_dt_s"].as_f64().map_or("none".to_owned(), |dt| format!("{} s", digits(dt, 4)))),
+        ("step", step),
+        ("effects", effects_text(&facts["effects"])),
+        ("time", estimate),
+    ];
+    let mut lines = Vec::new();
+    write_columns(rows.map(|(key, value)| vec![key.to_owned(), value]).into(), "", &mut lines);
+    organs_text(facts, &mut lines);
+    lines.join("\n")
+}
+
+fn effects_text(effects: &Value) -> String {
+    let mut found = vec!["springs".to_owned()];
+    let flag = |key: &str| effects[key].as_bool() == Some(true);
+    found.extend(flag("dampers").then(|| "dampers".to_owned()));
+    found.extend(flag("volume_term").then(|| "volume term".to_owned()));
+    let gravity: f64 =
+        effects["gravity_m_per_s2"].as_array().into_iter().flatten().filter_map(Value::as_f64).map(|g| g * g).sum();
+    found.extend((gravity > 0.0).then(|| format!("gravity {} m/s^2", digits(gravity.sqrt(), 4))));
+    let times = |count: u64, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
+    for (kind, count) in effects["operations"].as_object().into_iter().flatten() {
+        let one = if kind == "fix" { "fixed region" } else { kind.as_str() };
+        found.push(times(count.as_u64().unwrap_or(0), one));
+    }
+    let rigid = effects["rigid_organs"].as_u64().unwrap_or(0);
+    found.extend((rigid > 0).then(|| times(rigid, "rigid organ")));
+    found.join(", ")
+}
+
+/// Organs as a table of what they are made of, then what is different from direction to direction.
+fn organs_text(facts: &Value, lines: &mut Vec<String>) {
+    const TITLES: [&str; 9] = [
+        "organ",
+        "particles",
+        "E [Pa]",
+        "nu",
+        "density [kg/m^3]",
+        "viscosity [Pa s]",
+        "c_P [m/s]",
+        "c_S [m/s]",
+        "as given",
+    ];
+    let organs: Vec<&Value> = facts["organs"].as_array().into_iter().flatten().collect();
+    let cell = |value: &Value| value.as_f64().map_or("-".to_owned(), |value| digits(value, 4));
+    let mut rows = vec![TITLES.map(str::to_owned).to_vec()];
+    for organ in &organs {
+        let solid = &organ["solid"];
+        let mut row = vec![organ["name"].as_str().unwrap_or_default().to_owned(), organ["particles"].to_string()];
+        row.extend(
+            [
+                "youngs_modulus_pa",
+                "poissons_ratio",
+                "density_kg_per_m3",
+                "viscosity_pa_s",
+                "c_p_m_per_s",
+                "c_s_m_per_s",
+            ]
+            .map(|key| cell(&solid[key])),
+        );
+        row.push(body_text(&organ["body"]));
+        rows.push(row);
+    }
+    lines.push(String::new());
+    write_columns(rows, "", lines);
+    let isotropic = |organ: &&&Value| organ["solid"]["isotropic"].as_bool() != Some(false);
+    if organs.iter().any(|organ| organ["solid"].is_null() && organ["body"] != "rigid") {
+        lines.push(
+            "-: too thin for a material of its own: no particle has all its 26 neighbours in the organ".to_owned(),
+        );
+    }
+    for organ in organs.iter().filter(|organ| !isotropic(organ)) {
+        let solid = &organ["solid"];
+        lines.push(String::new());
+        lines.push(format!(
+            "{}: not isotropic, E, nu and speeds above are along the voxels' edges; Zener ratio {}",
+            organ["name"].as_str().unwrap_or_default(),
+            cell(&solid["anisotropy"])
+        ));
+        let titles = ["along", "E [Pa]", "nu", "c_P [m/s]", "c_S [m/s]"];
+        let mut rows = vec![titles.map(str::to_owned).to_vec()];
+        for direction in solid["directions"].as_array().into_iter().flatten() {
+            let parts = |key: &str| direction[key].as_array().into_iter().flatten().map(cell).collect::<Vec<_>>();
+            let (ratios, speeds) = (parts("poissons_ratios"), parts("wave_speeds_m_per_s"));
+            let along = direction["along"].as_array().into_iter().flatten().map(Value::to_string);
+            rows.push(vec![
+                format!("[{}]", along.collect::<String>()),
+                cell(&direction["youngs_modulus_pa"]),
+                different(&ratios, " to "),
+                speeds.first().cloned().unwrap_or_default(),
+                different(speeds.get(1..).unwrap_or_default(), ", "),
+            ]);
+        }
+        write_columns(rows, "  ", lines);
+        let [on_faces, on_diagonals] = [0, 1].map(|i| cell(&solid["shear_moduli_pa"][i]));
+        lines.push(format!(
+            "  shear modulus {on_faces} Pa on the voxels' faces, {on_diagonals} Pa across their diagonals; bulk modulus {} Pa",
+            cell(&solid["bulk_modulus_pa"])
+        ));
+    }
+}
+
+/// Values as text, once if they read alike.
+fn different(values: &[String], between: &str) -> String {
+    let mut values = values.to_vec();
+    values.dedup();
+    values.join(between)
+}
+
+/// A body's constants as scenes in JSON name them.
+fn body_text(body: &Value) -> String {
+    match body.as_object().and_then(|body| body.values().next()).and_then(Value::as_object) {
+        None => body.as_str().unwrap_or_default().to_owned(),
+        Some(constants) => constants
+            .iter()
+            .filter(|(_, value)| !value.is_null())
+            .map(|(key, value)| format!("{key} {}", value.as_f64().map_or(value.to_string(), |v| digits(v, 4))))
+            .collect::<Vec<_>>()
+            .join(", "),
+    }
+}
+
+/// A time as people say it.
+fn duration(seconds: f64) -> String {
+    const UNITS: [(f64, &str); 5] =
+        [(120.0, "s"), (7200.0, "min"), (172_800.0, "hours"), (6.3e7, "days"), (f64::INFINITY, "years")];
+    const LENGTHS: [f64; 5] = [1.0, 60.0, 3600.0, 86_400.0, 31_557_600.0];
+    let unit = UNITS.iter().position(|(most, _)| seconds < *most).unwrap_or(4);
+    format!("{} {}", digits(seconds / LENGTHS[unit], 2), UNITS[unit].1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_in_the_unit_people_take() {
+        for (seconds, text) in [
+            (0.0123, "0.012 s"),
+            (119.0, "120 s"),
+            (600.0, "10 min"),
+            (36_000.0, "10 hours"),
+            (864_000.0, "10 days"),
+            (3.2e8, "10 years"),
+        ] {
+            assert_eq!(duration(seconds), text);
+        }
+    }
+
+    #[test]
+    fn like_values_are_said_once() {
+        let texts = |values: &[&str]| values.iter().map(|&v| v.to_owned()).collect::<Vec<_>>();
+        assert_eq!(different(&texts(&["0.35", "0.35"]), " to "), "0.35");
+        assert_eq!(different(&texts(&["0.1", "0.35"]), " to "), "0.1 to 0.35");
+    }
+}

@@ -1,0 +1,119 @@
+//! What `info` says of a scene before it is run.
+
+use serde_json::Value;
+
+use crate::support::{CUBE, Folder};
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[track_caller]
+fn near(found: &Value, expected: f64) {
+    let found = number(found);
+    assert!((found / expected - 1.0).abs() < 1e-4, "{found} is not {expected}");
+}
+
+/// By hand, for k = 7.5 N/m at 6 mm: k/h = 1250 Pa.
+#[test]
+fn a_paper_scene_amounts_to_a_solid_in_every_direction() {
+    let folder = Folder::new();
+    folder.write("cube.toml", CUBE);
+    let before = folder.everything();
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    assert_eq!(
+        [&facts["particles"], &facts["springs"], &facts["cells"]].map(Value::as_u64),
+        [1000, 10476, 729].map(Some)
+    );
+    assert_eq!([&facts["steps"], &facts["frames"]].map(Value::as_u64), [40, 4].map(Some));
+    assert_eq!(facts["dt_is_from"], "scene");
+    near(&facts["dt_s"], 5e-4);
+    near(&facts["duration_s"], 0.02);
+    // 26 springs and dampers on an inner particle: a dt^2 + 2 b dt = 4.
+    let (a, b): (f64, f64) = (2.0 * 26.0 * 7.5 / 2.3e-4, 2.0 * 26.0 * 1e-3 / 2.3e-4);
+    near(&facts["stable_dt_s"], 4.0 / (b + (b * b + 4.0 * a).sqrt()));
+    near(&facts["memory_mb"], number(&facts["bytes_per_particle"]) * 1e-3);
+    assert!(number(&facts["estimated_time_s"]) > 0.0 && facts["estimated_from_steps"].as_u64() >= Some(3));
+    let effects = &facts["effects"];
+    assert_eq!((effects["dampers"].as_bool(), effects["volume_term"].as_bool()), (Some(true), Some(false)));
+    assert_eq!(effects["operations"].to_string(), r#"{"cut":1,"fix":1,"force":1}"#);
+
+    let organ = &facts["organs"][0];
+    assert_eq!((organ["name"].as_str(), organ["particles"].as_u64()), (Some("cube"), Some(1000)));
+    let solid = &organ["solid"];
+    assert_eq!(solid["isotropic"], false);
+    near(&solid["density_kg_per_m3"], 2.3e-4 / 6e-3_f64.powi(3));
+    near(&solid["anisotropy"], 7.0 / 3.0);
+    near(&solid["viscosity_pa_s"], 2.7 * 1e-3 / 6e-3);
+    near(&solid["c_p_m_per_s"], (13.0 / 3.0 * 1250.0 / number(&solid["density_kg_per_m3"])).sqrt());
+    for (direction, modulus) in [2.7, 189.0 / 43.0, 189.0 / 34.0].into_iter().enumerate() {
+        near(&solid["directions"][direction]["youngs_modulus_pa"], modulus * 1250.0);
+    }
+    folder.yawara(&["info", "cube.toml"]).done().prints(&[
+        "1000 particles, 10476 springs, 729 cells",
+        "as the scene asks; 0.36 of the stable bound",
+        "springs, dampers, 1 cut, 1 fixed region, 1 force",
+        "an estimate",
+        "cube: not isotropic",
+        "[100]  3375",
+        "[111]  6949",
+    ]);
+    // Nothing is written.
+    assert!(folder.everything() == before);
+
+    // The estimate of the disk holds what a run takes there, lists and JSON aside.
+    folder.yawara(&["run", "cube.toml", "-o", "run"]).done();
+    let arrays = folder.tree("run/arrays.zarr");
+    let chunks = arrays.iter().filter(|(name, _)| name.starts_with("frames/displacement/c."));
+    let bytes: usize = chunks.map(|(_, bytes)| bytes.len()).sum();
+    assert!(bytes > 0 && (bytes as f64) < 1e6 * number(&facts["disk_mb_at_most"]), "{bytes}");
+}
+
+#[test]
+fn tissue_is_what_was_asked_for_and_waves_run_through_it() {
+    let folder = Folder::new();
+    let tissue = CUBE
+        .replace("model = \"paper\"", "model = \"tissue\"")
+        .replace("stiffness = 7.5\ndamping = 1e-3\nmass = 2.3e-4", "youngs_modulus = 5e3\ndensity = 1060")
+        .replace("steps = 40\ndt = 5e-4", "duration = 0.02");
+    folder.write("cube.toml", format!("{tissue}\n[gravity]\nacceleration = [0, 0, -9.81]\n"));
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    assert_eq!(facts["dt_is_from"], "stable_dt");
+    assert!(number(&facts["dt_s"]) <= 0.95 * number(&facts["stable_dt_s"]));
+    let solid = &facts["organs"][0]["solid"];
+    assert_eq!(solid["isotropic"], true);
+    near(&solid["youngs_modulus_pa"], 5e3);
+    near(&solid["density_kg_per_m3"], 1060.0);
+    let nu = number(&solid["poissons_ratio"]);
+    let (lambda, mu) = (5e3 * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), 5e3 / (2.0 * (1.0 + nu)));
+    near(&solid["c_p_m_per_s"], ((lambda + 2.0 * mu) / 1060.0).sqrt());
+    near(&solid["c_s_m_per_s"], (mu / 1060.0).sqrt());
+    let text = folder.yawara(&["info", "cube.toml"]).done().prints(&[
+        "gravity 9.81 m/s^2",
+        "chosen; at most 0.95",
+        "c_P [m/s]",
+    ]);
+    assert!(!text.stdout.contains("not isotropic"), "{}", text.stdout);
+
+    // A scene that diverges at once says so, and one whose region is empty cannot be run.
+    folder.write("wild.toml", format!("{tissue}\n[gravity]\nacceleration = [0, 0, -1e30]\n"));
+    let wild =
+        folder.yawara(&["info", "wild.toml", "--json"]).done().says(&["warning: no time can be estimated", "diverged"]);
+    assert!(wild.json()["estimated_time_s"].is_null());
+    folder.write("empty.toml", tissue.replace("point = [0, 0, -24]", "point = [0, 0, -240]"));
+    folder.yawara(&["info", "empty.toml"]).refused(&["`table`", "selects no particle"]);
+}
+
+#[test]
+fn an_organ_two_particles_thick_has_no_bulk() {
+    let folder = Folder::new();
+    let everywhere = "box = { min = [-99, -99, -99], max = [99, 99, 99] }";
+    let thin = CUBE
+        .replace("[lattice]", "[lattice]\npitch = 32")
+        .replace("half_space = { point = [0, 0, -24], normal = [0, 0, -1] }", everywhere)
+        .replace("box = { min = [-31, 1, 15], max = [31, 31, 31] }", everywhere);
+    folder.write("thin.toml", thin);
+    let facts = folder.yawara(&["info", "thin.toml", "--json"]).done().json();
+    assert_eq!((facts["particles"].as_u64(), facts["organs"][0]["solid"].is_null()), (Some(8), true));
+    folder.yawara(&["info", "thin.toml"]).done().prints(&["-: too thin for a material of its own"]);
+}
