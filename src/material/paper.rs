@@ -30,6 +30,7 @@ pub fn assemble(lattice: &Lattice, bodies: &[Option<PaperBody>]) -> Assembly {
         stiffness: constants(lattice, bodies, |b| b.stiffness),
         damping: damped.then(|| constants(lattice, bodies, |b| b.damping)),
         volume: None,
+        rigid: None,
     }
 }
 

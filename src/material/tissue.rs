@@ -112,6 +112,7 @@ pub fn assemble(lattice: &Lattice, bodies: &[Option<TissueBody>]) -> Assembly {
             weight,
         }),
         volume: None,
+        rigid: None,
     }
 }
 
