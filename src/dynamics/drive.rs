@@ -152,7 +152,7 @@ impl World {
                         for axis in 0..3 {
                             velocity[axis][slot] = wanted[axis] as f32;
                         }
-                        raise(fastest, slot, velocity);
+                        raise(&mut fastest[slot / BLOCK_LEN], slot, velocity);
                     }
                 }
                 Drive::Force { slots, force, mass } => {
@@ -172,7 +172,7 @@ impl World {
                             for axis in 0..3 {
                                 velocity[axis][slot] += kick[axis] as f32;
                             }
-                            raise(fastest, slot, velocity);
+                            raise(&mut fastest[slot / BLOCK_LEN], slot, velocity);
                         }
                     }
                 }
@@ -181,9 +181,8 @@ impl World {
     }
 }
 
-/// Raises the largest squared speed of a slot's block; a speed that is not finite counts as infinite.
-pub(super) fn raise(fastest: &mut [f32], slot: usize, velocity: &[Vec<f32>; 3]) {
+/// Raises the largest squared speed of a block to that of one of its slots; a speed that is not finite counts as infinite.
+pub(super) fn raise(fastest: &mut f32, slot: usize, velocity: &[Vec<f32>; 3]) {
     let squared: f32 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
-    let block = &mut fastest[slot / BLOCK_LEN];
-    *block = block.max(if squared < f32::MAX { squared } else { f32::INFINITY });
+    *fastest = fastest.max(if squared < f32::MAX { squared } else { f32::INFINITY });
 }

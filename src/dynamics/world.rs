@@ -71,7 +71,8 @@ pub struct World {
     pub(super) velocity: [Vec<f32>; 3],
     /// New velocities while the old ones are still read by neighbours; empty without dampers.
     next_velocity: [Vec<f32>; 3],
-    /// Step over mass [s/kg]; 0 for held, grabbed and rigid particles and for empty slots.
+    /// Step over mass [s/kg]; 0 for held, grabbed and anchored particles and for empty slots. Particles of rigid bodies have
+    /// their own mass here if they feel soft tissue, else 0.
     pub(super) dt_over_mass: Vec<f32>,
     pub(super) claims: Vec<Claims>,
     pub(super) drives: Vec<Drive>,
@@ -175,7 +176,8 @@ impl World {
         Vector3::from([0, 1, 2].map(|axis| f64::from(self.displacement[axis][slot])))
     }
 
-    /// Velocity of a particle, lattice axes [m/s].
+    /// Velocity of a particle, lattice axes [m/s]; of a rigid body's its mean over the last step, which leads from place to
+    /// place along the chord.
     pub fn velocity(&self, particle: u32) -> Vector3 {
         let slot = self.layout.slot[particle as usize] as usize;
         Vector3::from([0, 1, 2].map(|axis| f64::from(self.velocity[axis][slot])))
@@ -473,6 +475,7 @@ impl World {
     /// Brings a slot's weight in line with who claims it.
     pub(super) fn refresh(&mut self, slot: u32) {
         let claims = self.claims[slot as usize];
+        // Bodies are held and grabbed as wholes; what is joined to anchored bone moves like it.
         let mut fixed = false;
         if let Some(rigid) = &self.rigid {
             if rigid.of_slot(slot).is_some() {

@@ -70,10 +70,27 @@ impl Load {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Advance {
     next: Place,
-    /// Mean velocity of the centre over the step [m/s].
-    velocity: Vector3,
-    /// Mean velocity of a particle relative to the centre, per place at rest relative to it [1/s].
-    turn: Matrix3,
+    /// Mean velocity of its particles over the step [m/s]: where they are after, less where they are, over `dt`.
+    pub(super) velocities: PlaceMap,
+}
+
+/// A vector for every particle of a body, linear in its rest place: `base + slope * rest`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlaceMap {
+    base: Vector3,
+    slope: Matrix3,
+}
+
+impl PlaceMap {
+    /// `at_centre` for the centre, and `slope` times what a particle is away from it at rest.
+    fn new(centre: Vector3, at_centre: Vector3, slope: Matrix3) -> Self {
+        Self { base: at_centre - slope * centre, slope }
+    }
+
+    /// The vector of a particle from its rest place [m].
+    pub(super) fn at(&self, rest: Vector3) -> Vector3 {
+        self.base + self.slope * rest
+    }
 }
 
 impl RigidBody {
@@ -117,7 +134,7 @@ impl RigidBody {
     /// all parts add up to those of the whole.
     pub(super) fn part(&self, lattice: &Lattice, mass: &[f32], particles: Vec<u32>) -> Self {
         let mut part = Self::new(lattice, mass, particles);
-        let arm = self.turned(part.rest_centre);
+        let arm = self.place.orientation * (part.rest_centre - self.rest_centre);
         part.place = Place { offset: self.centre() + arm - part.rest_centre, orientation: self.place.orientation };
         part.set_motion(self.velocity() + self.angular_velocity().cross(&arm), self.angular_velocity());
         part
@@ -197,20 +214,15 @@ impl RigidBody {
         self.load.angular_impulse += (place - self.centre()).cross(&impulse);
     }
 
-    /// Displacement from rest [m] of a particle from its rest place [m].
-    pub(super) fn displacement(&self, rest: Vector3) -> Vector3 {
-        // centre + R (x - centre_0) - x, without subtracting places.
-        self.place.offset + (self.turned(rest) - (rest - self.rest_centre))
+    /// Displacements from rest [m].
+    pub(super) fn displacements(&self) -> PlaceMap {
+        PlaceMap::new(self.rest_centre, self.place.offset, self.orientation() - Matrix3::identity())
     }
 
-    /// Velocity [m/s] now of a particle from its rest place [m].
-    pub(super) fn velocity_at(&self, rest: Vector3) -> Vector3 {
-        self.velocity() + self.angular_velocity().cross(&self.turned(rest))
-    }
-
-    /// Mean velocity [m/s] over a step of a particle from its rest place [m]: where it is after, less where it is, over `dt`.
-    pub(super) fn mean_velocity(&self, advance: &Advance, rest: Vector3) -> Vector3 {
-        advance.velocity + advance.turn * (rest - self.rest_centre)
+    /// Velocities now [m/s].
+    pub(super) fn velocities(&self) -> PlaceMap {
+        let slope = self.angular_velocity().cross_matrix() * self.orientation();
+        PlaceMap::new(self.rest_centre, self.velocity(), slope)
     }
 
     /// New momenta from the load, which is used up, and where they take the body in a step.
@@ -226,8 +238,11 @@ impl RigidBody {
         }
         let velocity = self.velocity();
         let orientation = self.turned_on(dt);
-        let turn = (orientation.to_rotation_matrix().into_inner() - self.orientation()) / dt;
-        Advance { next: Place { offset: self.place.offset + velocity * dt, orientation }, velocity, turn }
+        let slope = (orientation.to_rotation_matrix().into_inner() - self.orientation()) / dt;
+        Advance {
+            next: Place { offset: self.place.offset + velocity * dt, orientation },
+            velocities: PlaceMap::new(self.rest_centre, velocity, slope),
+        }
     }
 
     /// Takes the step.
@@ -251,11 +266,6 @@ impl RigidBody {
         turn = UnitQuaternion::from_scaled_axis(self.angular_momentum * (dt / middle)) * turn;
         // The quaternion is the state, so the rotation stays orthonormal to rounding for ever.
         UnitQuaternion::new_normalize(turn.into_inner())
-    }
-
-    /// From the centre to a rest place, as the body is turned now [m].
-    fn turned(&self, rest: Vector3) -> Vector3 {
-        self.place.orientation * (rest - self.rest_centre)
     }
 }
 

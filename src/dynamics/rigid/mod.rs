@@ -33,7 +33,7 @@ pub use body::RigidBody;
 
 use rayon::prelude::*;
 
-use self::body::{Advance, place_of, rest_place};
+use self::body::{Advance, PlaceMap, place_of, rest_place};
 use super::drive::raise;
 use super::world::World;
 use crate::geometry::Vector3;
@@ -121,7 +121,7 @@ impl Bodies {
     pub(super) fn push(&mut self, body: usize, impulse: Vector3, lattice: &Lattice, particle: u32) {
         let body = &mut self.bodies[body];
         let rest = rest_place(lattice, particle);
-        body.push(impulse, rest + body.displacement(rest));
+        body.push(impulse, rest + body.displacements().at(rest));
     }
 
     /// Takes the velocities of a block's rigid particles out of the kick.
@@ -230,7 +230,7 @@ impl World {
     pub(super) fn place_body(&mut self, body: usize, particle: u32, displacement: Vector3) {
         let Some(rigid) = &mut self.rigid else { return };
         let moved = &mut rigid.bodies[body];
-        moved.shift(displacement - moved.displacement(rest_place(&self.lattice, particle)));
+        moved.shift(displacement - moved.displacements().at(rest_place(&self.lattice, particle)));
         self.show_place(body);
     }
 
@@ -285,14 +285,14 @@ impl World {
         let Bodies { bodies, advance, .. } = &mut **rigid;
         bodies.par_iter_mut().map(|body| body.advance(dt)).collect_into_vec(advance);
         let rigid = &**rigid;
-        rigid.write(lattice, layout, velocity, |body, rest| {
-            rigid.bodies[body].mean_velocity(&rigid.advance[body], rest)
-        });
-        for (&slot, &body) in rigid.slots.iter().zip(&rigid.body) {
-            if body != ANCHORED {
-                raise(fastest, slot as usize, velocity);
+        let maps: Vec<PlaceMap> = rigid.advance.iter().map(|advance| advance.velocities).collect();
+        rigid.write(lattice, layout, velocity, &maps);
+        let velocity = &*velocity;
+        fastest.par_iter_mut().enumerate().for_each(|(block, fastest)| {
+            for place in rigid.range(block).filter(|&place| rigid.body[place] != ANCHORED) {
+                raise(fastest, rigid.slots[place] as usize, velocity);
             }
-        }
+        });
     }
 
     /// After the drift: puts the particles exactly where their bodies are.
@@ -302,7 +302,8 @@ impl World {
         for (body, advance) in bodies.iter_mut().zip(advance) {
             body.settle(advance);
         }
-        rigid.write(lattice, layout, displacement, |body, rest| rigid.bodies[body].displacement(rest));
+        let maps: Vec<PlaceMap> = rigid.bodies.iter().map(RigidBody::displacements).collect();
+        rigid.write(lattice, layout, displacement, &maps);
     }
 
     /// After springs between rigid particles were severed: parts that no longer hold together become bodies.
@@ -400,27 +401,21 @@ impl World {
     fn show_velocity(&mut self, body: usize) {
         let Self { rigid: Some(rigid), lattice, layout, velocity, .. } = self else { return };
         let body = &rigid.bodies[body];
-        show(body, lattice, layout, velocity, |rest| body.velocity_at(rest));
+        show(body, lattice, layout, velocity, body.velocities());
     }
 
     /// Writes the displacements of a body's particles now.
     fn show_place(&mut self, body: usize) {
         let Self { rigid: Some(rigid), lattice, layout, displacement, .. } = self else { return };
         let body = &rigid.bodies[body];
-        show(body, lattice, layout, displacement, |rest| body.displacement(rest));
+        show(body, lattice, layout, displacement, body.displacements());
     }
 }
 
-/// Writes a vector for every particle of a body, from the particle's rest place.
-fn show(
-    body: &RigidBody,
-    lattice: &Lattice,
-    layout: &BlockLayout,
-    field: &mut [Vec<f32>; 3],
-    of: impl Fn(Vector3) -> Vector3,
-) {
+/// Writes a vector for every particle of a body.
+fn show(body: &RigidBody, lattice: &Lattice, layout: &BlockLayout, field: &mut [Vec<f32>; 3], map: PlaceMap) {
     for &particle in body.particles() {
-        let vector = of(rest_place(lattice, particle));
+        let vector = map.at(rest_place(lattice, particle));
         let slot = layout.slot[particle as usize] as usize;
         for axis in 0..3 {
             field[axis][slot] = vector[axis] as f32;
@@ -438,14 +433,8 @@ impl Bodies {
         particles
     }
 
-    /// Writes a vector for every particle of a body, from the body's number and the particle's rest place.
-    fn write(
-        &self,
-        lattice: &Lattice,
-        layout: &BlockLayout,
-        field: &mut [Vec<f32>; 3],
-        of: impl Fn(usize, Vector3) -> Vector3 + Sync,
-    ) {
+    /// Writes a vector for every particle of all bodies; one map per body.
+    fn write(&self, lattice: &Lattice, layout: &BlockLayout, field: &mut [Vec<f32>; 3], maps: &[PlaceMap]) {
         let [x, y, z] = field.each_mut().map(|part| part.par_chunks_exact_mut(BLOCK_LEN));
         (x, y, z).into_par_iter().enumerate().for_each(|(block, (x, y, z))| {
             let range = self.range(block);
@@ -454,7 +443,7 @@ impl Bodies {
                     continue;
                 }
                 let slot = slot as usize;
-                let vector = of(body as usize, place_of(lattice, layout.ijk_of_slot(slot)));
+                let vector = maps[body as usize].at(place_of(lattice, layout.ijk_of_slot(slot)));
                 for (axis, part) in [&mut *x, &mut *y, &mut *z].into_iter().enumerate() {
                     part[slot % BLOCK_LEN] = vector[axis] as f32;
                 }
