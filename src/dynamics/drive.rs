@@ -29,8 +29,9 @@ pub(super) struct Claims {
 }
 
 impl World {
-    /// Holds particles where they are until released. One of a rigid body holds the whole body. A particle that is both held and grabbed stays; when the hold ends,
-    /// the grab takes it to its place in one step.
+    /// Holds particles where they are until released. One of a rigid body holds the whole body, which stops at once and goes
+    /// on from rest. A particle that is both held and grabbed stays; when the hold ends, the grab takes it to its place in
+    /// one step.
     ///
     /// # Panics
     /// If a particle is held more than 65 535 times at once.
@@ -93,8 +94,8 @@ impl World {
         }
     }
 
-    /// Ends a hold, grab or force. The particles go on from their present place and velocity; anchored rigid
-    /// organs stop.
+    /// Ends a hold, grab or force. The particles go on from their present place and velocity; anchored
+    /// rigid organs stop.
     pub fn release(&mut self, handle: Handle) {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
             Drive::Hold { slots } => {

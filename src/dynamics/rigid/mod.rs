@@ -38,7 +38,7 @@ use super::drive::raise;
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, opposite};
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, opposite};
 use crate::lattice::{Lattice, Topology};
 use crate::material::{Assembly, RigidKind};
 
@@ -175,24 +175,29 @@ impl Bodies {
 }
 
 /// Splits free rigid particles (ascending) into those that living springs join, in the order of their first particles.
+/// A spring leads to one of them, to an anchored particle or to a soft one. O(particles), and a byte for each of the lattice.
 fn components(lattice: &Lattice, topology: &Topology, kind: &[RigidKind], among: &[u32]) -> Vec<Component> {
-    let mut seen = vec![false; among.len()];
+    let shape = lattice.grid.shape;
+    // A living spring ends inside the grid: its far end is a plain step away.
+    let steps = OFFSETS.map(|[i, j, k]| (k as isize * shape.ny as isize + j as isize) * shape.nx as isize + i as isize);
+    let mut waiting = vec![false; lattice.len()];
+    for &particle in among {
+        waiting[particle as usize] = true;
+    }
     let mut components = Vec::new();
-    for start in 0..among.len() {
-        if std::mem::replace(&mut seen[start], true) {
+    for &start in among {
+        if !std::mem::take(&mut waiting[start as usize]) {
             continue;
         }
-        let mut component = Component { particles: vec![among[start]], anchored: false };
+        let mut component = Component { particles: vec![start], anchored: false };
         let mut next = 0;
         while let Some(&particle) = component.particles.get(next) {
             next += 1;
             for direction in (0..NEIGHBOURS).filter(|d| topology.alive()[particle as usize] >> d & 1 == 1) {
-                let other = lattice.neighbour(particle, direction).expect("a living spring has two ends");
+                let point = lattice.points[particle as usize] as usize;
+                let other = lattice.particle_at[point.wrapping_add_signed(steps[direction])];
                 component.anchored |= kind[other as usize] == RigidKind::Anchored;
-                // Not found: soft, or anchored.
-                if let Ok(place) = among.binary_search(&other)
-                    && !std::mem::replace(&mut seen[place], true)
-                {
+                if std::mem::take(&mut waiting[other as usize]) {
                     component.particles.push(other);
                 }
             }
@@ -308,10 +313,10 @@ impl World {
 
     /// After springs between rigid particles were severed: parts that no longer hold together become bodies.
     ///
-    /// - `severed`: one end of each of these springs.
+    /// - `severed`: a free end of each of these springs.
     pub(super) fn split_bodies(&mut self, severed: &[u32]) {
         let Some(mut rigid) = self.rigid.take() else { return };
-        // A spring with a free end and an anchored one names the anchored particles, which its free end belongs to.
+        // The bodies these particles belong to; ANCHORED stands for all that is joined to anchored bone.
         let mut touched: Vec<u32> = severed
             .iter()
             .map(|&p| rigid.of_slot(self.layout.slot[p as usize]).map_or(ANCHORED, |body| body as u32))
@@ -320,8 +325,10 @@ impl World {
         touched.dedup();
         let (mut changed, mut loose) = (Vec::new(), Vec::new());
         for number in touched {
-            let of = |body: u32| if body == ANCHORED { None } else { Some(&rigid.bodies[body as usize]) };
-            let among = of(number).map_or_else(|| rigid.anchored(self), |body| body.particles().to_vec());
+            let among = match number {
+                ANCHORED => rigid.anchored(self),
+                body => rigid.bodies[body as usize].particles().to_vec(),
+            };
             let kind = self.assembly().rigid.as_ref().expect("bodies come from rigid parts").kind();
             let parts = components(self.lattice(), self.topology(), kind, &among);
             let (lattice, assembly, layout) = (self.lattice(), self.assembly(), &self.layout);
