@@ -61,7 +61,7 @@ pub struct Moment {
 #[derive(Debug, Clone)]
 pub struct World {
     pub(super) lattice: Lattice,
-    topology: Topology,
+    pub(super) topology: Topology,
     pub(super) assembly: Assembly,
     pub(super) layout: BlockLayout,
     pub(super) springs: BlockSprings,

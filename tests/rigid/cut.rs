@@ -5,6 +5,7 @@ use yawara::dynamics::World;
 use yawara::dynamics::measure::balance;
 use yawara::dynamics::stable_dt::stable_dt;
 use yawara::geometry::{Point3, Vector3};
+use yawara::material::RigidKind;
 
 use crate::parts::*;
 use crate::support::*;
@@ -175,4 +176,16 @@ fn a_part_cut_off_anchored_bone_falls() {
     cut(&mut world, &across(Vector3::x() * 4.5 * h, Vector3::x()));
     assert_eq!(world.rigid_bodies().len(), 2);
     assert_eq!(world.rigid_bodies()[1].particles().len(), 2 * 4);
+}
+
+#[test]
+fn bones_that_touch_are_one_body_until_they_are_cut_apart() {
+    let map = organ_map([8, 3, 3], |[i, _, _]| if i < 5 { 0 } else { 1 });
+    let (lattice, assembly) = with_bone(paper_lattice(&map, &[None, None]), |_| RigidKind::Free);
+    let mut world = World::new(lattice, assembly, 1e-3);
+    let h = world.lattice().pitch;
+    assert_eq!(world.rigid_bodies().len(), 1);
+    cut(&mut world, &across(Vector3::x() * 5.5 * h, Vector3::x()));
+    let [five, three] = world.rigid_bodies() else { panic!("two bodies") };
+    assert_eq!([five.particles().len(), three.particles().len()], [45, 27]);
 }

@@ -323,7 +323,7 @@ impl World {
             .collect();
         touched.sort_unstable();
         touched.dedup();
-        let (mut changed, mut loose) = (Vec::new(), Vec::new());
+        let (mut changed, mut loose) = (false, Vec::new());
         for number in touched {
             let among = match number {
                 ANCHORED => rigid.anchored(self),
@@ -335,36 +335,33 @@ impl World {
             if number == ANCHORED {
                 for part in parts.into_iter().filter(|part| !part.anchored) {
                     let body = self.loose_body(part.particles);
-                    loose.push(rigid.bodies.len());
-                    changed.push(rigid.add(lattice, assembly, layout, body));
+                    loose.push(rigid.add(lattice, assembly, layout, body));
                 }
             } else if parts.len() > 1 {
+                changed = true;
                 let whole = rigid.bodies[number as usize].clone();
                 for (place, part) in parts.into_iter().enumerate() {
                     let body = whole.part(lattice, &assembly.mass, part.particles);
                     if place == 0 {
                         rigid.bodies[number as usize] = body;
                         rigid.claim(number as usize, lattice, assembly, layout);
-                        changed.push(number as usize);
                     } else {
-                        changed.push(rigid.add(lattice, assembly, layout, body));
+                        rigid.add(lattice, assembly, layout, body);
                     }
                 }
             }
         }
         self.rigid = Some(rigid);
-        if changed.is_empty() {
-            return;
-        }
-        for body in changed {
-            self.adopt(body);
-        }
-        // Parts of bodies already are where they say.
+        // Parts of bodies already are where they say, and are ready for the kick.
+        changed |= !loose.is_empty();
         for body in loose {
+            self.adopt(body);
             self.show_place(body);
             self.show_velocity(body);
         }
-        self.hold_bodies();
+        if changed {
+            self.hold_bodies();
+        }
     }
 
     /// A part cut off from anchored ones: it goes on as its particles do in the mean, unturned, because anchored particles
@@ -383,25 +380,28 @@ impl World {
 
     /// Prepares a new body's particles for the kick.
     fn adopt(&mut self, number: usize) {
-        let Some(rigid) = self.rigid.take() else { return };
-        let body = &rigid.bodies[number];
-        for &particle in body.particles() {
-            let slot = self.layout.slot[particle as usize];
-            self.dt_over_mass[slot as usize] = 0.0;
-            // Springs inside the body cancel out; left in, they would add their rounding.
-            for direction in FIRST_FORWARD..NEIGHBOURS {
-                let Some(other) = self.lattice.neighbour(particle, direction) else { continue };
-                let far = self.layout.slot[other as usize];
-                if rigid.of_slot(far) == Some(number) {
-                    self.springs.sever(slot, direction, far, opposite(direction));
+        let dt = self.dt();
+        let Self { rigid: Some(rigid), lattice, topology, assembly, layout, springs, dt_over_mass, .. } = self else {
+            return;
+        };
+        let kind = assembly.rigid.as_ref().expect("bodies come from rigid parts").kind();
+        for &particle in rigid.bodies[number].particles() {
+            let slot = layout.slot[particle as usize];
+            dt_over_mass[slot as usize] = 0.0;
+            // Springs inside the body cancel out; left in, they would add their rounding. A living spring to a free particle
+            // is inside, or the two would be one body.
+            let alive = topology.alive()[particle as usize];
+            for direction in (FIRST_FORWARD..NEIGHBOURS).filter(|d| alive >> d & 1 == 1) {
+                let far = lattice.neighbour(particle, direction).expect("a living spring has two ends");
+                if kind[far as usize] == RigidKind::Free {
+                    springs.sever(slot, direction, layout.slot[far as usize], opposite(direction));
                 }
             }
         }
         for &slot in &rigid.attached[number] {
-            let particle = self.layout.particle_of_slot(&self.lattice, slot as usize).expect("slots of particles");
-            self.dt_over_mass[slot as usize] = (self.dt() / f64::from(self.mass()[particle as usize])) as f32;
+            let particle = layout.particle_of_slot(lattice, slot as usize).expect("slots of particles");
+            dt_over_mass[slot as usize] = (dt / f64::from(assembly.mass[particle as usize])) as f32;
         }
-        self.rigid = Some(rigid);
     }
 
     /// Writes the velocities of a body's particles now.
