@@ -29,8 +29,9 @@ pub(super) struct Claims {
 }
 
 impl World {
-    /// Holds particles where they are until released. A particle that is both held and grabbed stays; when the hold ends,
-    /// the grab takes it to its place in one step.
+    /// Holds particles where they are until released. One of a rigid body holds the whole body, which stops at once and goes
+    /// on from rest. A particle that is both held and grabbed stays; when the hold ends, the grab takes it to its place in
+    /// one step.
     ///
     /// # Panics
     /// If a particle is held more than 65 535 times at once.
@@ -41,11 +42,12 @@ impl World {
             *holds = holds.checked_add(1).expect("fewer than 65 536 holds");
             self.refresh(slot);
         }
+        self.hold_bodies();
         self.add(Drive::Hold { slots })
     }
 
-    /// Grabs particles: they keep their shape and follow [`World::move_grab`] until released. Of two grabs of a particle
-    /// the later one moves it.
+    /// Grabs particles: they keep their shape and follow [`World::move_grab`] until released. One of a rigid body takes the
+    /// whole body along, which does not turn meanwhile. Of two grabs of a particle or body the later one moves it.
     ///
     /// # Panics
     /// If a particle is grabbed more than 65 535 times at once.
@@ -72,7 +74,8 @@ impl World {
         }
     }
 
-    /// Lets a force act on particles, shared in proportion to their mass; 0 until [`World::set_force`].
+    /// Lets a force act on particles, shared in proportion to their mass; 0 until [`World::set_force`]. A rigid body feels
+    /// its share at its particles among them, torque included.
     pub fn push(&mut self, particles: &[u32]) -> Handle {
         let mass = particles.iter().map(|&particle| f64::from(self.mass()[particle as usize])).sum();
         let slots = self.slots_of(particles);
@@ -91,7 +94,8 @@ impl World {
         }
     }
 
-    /// Ends a hold, grab or force. The particles go on from their present place and velocity; rigid organs stop.
+    /// Ends a hold, grab or force. The particles go on from their present place and velocity; anchored
+    /// rigid organs stop.
     pub fn release(&mut self, handle: Handle) {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
             Drive::Hold { slots } => {
@@ -99,6 +103,7 @@ impl World {
                     self.claims[slot as usize].holds -= 1;
                     self.refresh(slot);
                 }
+                self.hold_bodies();
             }
             Drive::Grab { slots, .. } => {
                 for slot in slots {
@@ -124,7 +129,7 @@ impl World {
     /// `fastest` is the largest squared speed of each block, raised by what is driven.
     pub(super) fn apply_drives(&mut self, fastest: &mut [f32]) {
         let dt = self.dt();
-        let Self { drives, claims, velocity, displacement, dt_over_mass, .. } = self;
+        let Self { drives, claims, velocity, displacement, dt_over_mass, rigid, layout, lattice, assembly, .. } = self;
         for drive in drives {
             match drive {
                 Drive::Hold { .. } | Drive::Released => {}
@@ -134,24 +139,41 @@ impl World {
                         if claims[slot].holds > 0 {
                             continue;
                         }
-                        for axis in 0..3 {
+                        let wanted = [0, 1, 2].map(|axis| {
                             let target = f64::from(start[axis]) + offset[axis];
-                            let gap = target - f64::from(displacement[axis][slot]);
-                            velocity[axis][slot] = (gap / dt) as f32;
+                            (target - f64::from(displacement[axis][slot])) / dt
+                        });
+                        if let Some(rigid) = rigid
+                            && let Some(body) = rigid.of_slot(slot as u32)
+                        {
+                            // The same for all its particles, to rounding.
+                            rigid.drive(body, wanted.into());
+                            continue;
                         }
-                        raise(fastest, slot, velocity);
+                        for axis in 0..3 {
+                            velocity[axis][slot] = wanted[axis] as f32;
+                        }
+                        raise(&mut fastest[slot / BLOCK_LEN], slot, velocity);
                     }
                 }
                 Drive::Force { slots, force, mass } => {
                     // Shared by mass, so every particle is accelerated alike.
                     let kick = *force * (dt / mass.max(f64::MIN_POSITIVE));
                     for &slot in slots.iter() {
+                        if let Some(rigid) = rigid
+                            && let Some(body) = rigid.of_slot(slot)
+                        {
+                            let particle = layout.particle_of_slot(lattice, slot as usize).expect("driven particles");
+                            let mass = f64::from(assembly.mass[particle as usize]);
+                            rigid.push(body, kick * mass, lattice, particle);
+                            continue;
+                        }
                         let slot = slot as usize;
                         if dt_over_mass[slot] > 0.0 {
                             for axis in 0..3 {
                                 velocity[axis][slot] += kick[axis] as f32;
                             }
-                            raise(fastest, slot, velocity);
+                            raise(&mut fastest[slot / BLOCK_LEN], slot, velocity);
                         }
                     }
                 }
@@ -160,9 +182,8 @@ impl World {
     }
 }
 
-/// Raises the largest squared speed of a slot's block; a speed that is not finite counts as infinite.
-fn raise(fastest: &mut [f32], slot: usize, velocity: &[Vec<f32>; 3]) {
+/// Raises the largest squared speed of a block to that of one of its slots; a speed that is not finite counts as infinite.
+pub(super) fn raise(fastest: &mut f32, slot: usize, velocity: &[Vec<f32>; 3]) {
     let squared: f32 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
-    let block = &mut fastest[slot / BLOCK_LEN];
-    *block = block.max(if squared < f32::MAX { squared } else { f32::INFINITY });
+    *fastest = fastest.max(if squared < f32::MAX { squared } else { f32::INFINITY });
 }

@@ -11,7 +11,7 @@ use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 /// Particles whose contributions are summed before the partial sums are added in order: the same sum at any thread count.
 const CHUNK: usize = 65_536;
 
-/// Energy and momentum of the particles that have a mass. Lattice axes, SI units.
+/// Energy and momentum of the particles that have a mass and of the rigid bodies. Lattice axes, SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Balance {
     /// Kinetic energy [J].
@@ -39,7 +39,8 @@ pub fn balance(world: &World) -> Balance {
     };
     let of = |particle: u32| {
         let i = particle as usize;
-        let mass = f64::from(world.mass()[i]);
+        // A body keeps its own account: it has the spin of its voxels, and its particles' velocities are means over a step.
+        let mass = if world.rigid_body_of(particle).is_some() { 0.0 } else { f64::from(world.mass()[i]) };
         let velocity = world.velocity(particle);
         let u = world.displacement(particle);
         let rest = Vector3::from(lattice.ijk(particle).map(|n| n as f64)) * lattice.pitch;
@@ -63,7 +64,13 @@ pub fn balance(world: &World) -> Balance {
     let numbers: Vec<u32> = (0..lattice.len() as u32).collect();
     let partial: Vec<Balance> =
         numbers.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&p| of(p)).fold(zero, add)).collect();
-    partial.into_iter().fold(zero, add)
+    let bodies = world.rigid_bodies().iter().map(|body| Balance {
+        kinetic: body.kinetic_energy(),
+        elastic: 0.0,
+        momentum: body.momentum(),
+        angular_momentum: body.centre().cross(&body.momentum()) + body.angular_momentum(),
+    });
+    partial.into_iter().chain(bodies).fold(zero, add)
 }
 
 /// Volume of the tissue in cells that no blade went through.

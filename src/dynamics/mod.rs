@@ -5,10 +5,12 @@
 
 mod drive;
 pub mod measure;
+mod rigid;
 mod springs;
 pub mod stable_dt;
 pub mod timeline;
 mod world;
 
 pub use drive::Handle;
+pub use rigid::RigidBody;
 pub use world::{Moment, StepError, World};

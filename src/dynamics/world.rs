@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::drive::{Claims, Drive};
+use super::rigid::Bodies;
 use super::springs::{BlockSprings, Scratch, block_of};
 use crate::cut::{Sweep, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
@@ -11,7 +12,7 @@ use crate::kernel::rows::StepConstants;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout, NO_BLOCK};
 use crate::lattice::neighbours::{NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
-use crate::material::Assembly;
+use crate::material::{Assembly, RigidKind};
 
 /// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
 const LONGEST_MOVE: f64 = 2.0;
@@ -59,24 +60,27 @@ pub struct Moment {
 /// Same lattice, same calls: same bits, at any number of threads.
 #[derive(Debug, Clone)]
 pub struct World {
-    lattice: Lattice,
-    topology: Topology,
-    assembly: Assembly,
+    pub(super) lattice: Lattice,
+    pub(super) topology: Topology,
+    pub(super) assembly: Assembly,
     pub(super) layout: BlockLayout,
-    springs: BlockSprings,
+    pub(super) springs: BlockSprings,
     /// Displacement x, y, z of each slot [m].
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
     pub(super) velocity: [Vec<f32>; 3],
     /// New velocities while the old ones are still read by neighbours; empty without dampers.
     next_velocity: [Vec<f32>; 3],
-    /// Step over mass [s/kg]; 0 for held, grabbed and rigid particles and for empty slots.
+    /// Step over mass [s/kg]; 0 for held, grabbed and anchored particles and for empty slots. Particles of rigid bodies have
+    /// their own mass here if they feel soft tissue, else 0.
     pub(super) dt_over_mass: Vec<f32>,
     pub(super) claims: Vec<Claims>,
     pub(super) drives: Vec<Drive>,
+    /// Rigid parts that move; `None` without any, which then cost nothing.
+    pub(super) rigid: Option<Box<Bodies>>,
     /// Patient axes to lattice axes.
     axes: Matrix3,
-    gravity: Vector3,
+    pub(super) gravity: Vector3,
     dt: f64,
     steps: u64,
     /// Largest squared speed in the last step [m^2/s^2].
@@ -89,7 +93,7 @@ impl World {
     /// - `dt`: time step [s]; see [`super::stable_dt`] for the largest that is stable.
     ///
     /// # Panics
-    /// If the assembly is not the lattice's, or `dt` is not positive.
+    /// If the assembly is not the lattice's, `dt` is not positive, or a free rigid particle has no mass.
     pub fn new(lattice: Lattice, assembly: Assembly, dt: f64) -> Self {
         assert_eq!(assembly.mass.len(), lattice.len(), "one mass per particle");
         assert!(dt > 0.0 && dt.is_finite(), "the step is a positive time");
@@ -98,6 +102,7 @@ impl World {
         let springs = BlockSprings::new(&layout, &assembly, topology.alive());
         let zeros = || [0, 1, 2].map(|_| vec![0.0; layout.slots()]);
         let next_velocity = if springs.damped() { zeros() } else { [const { Vec::new() }; 3] };
+        let rigid = Bodies::new(&lattice, &topology, &assembly, &layout).map(Box::new);
         let axes = lattice.grid.affine.linear().transpose() * (1e-3 / lattice.pitch);
         let mut world = Self {
             displacement: zeros(),
@@ -106,6 +111,7 @@ impl World {
             dt_over_mass: vec![0.0; layout.slots()],
             claims: vec![Claims::default(); layout.slots()],
             drives: Vec::new(),
+            rigid,
             axes,
             gravity: Vector3::zeros(),
             dt,
@@ -120,6 +126,7 @@ impl World {
         for particle in 0..world.lattice.len() {
             world.refresh(world.layout.slot[particle]);
         }
+        world.adopt_bodies();
         world
     }
 
@@ -138,7 +145,7 @@ impl World {
         &self.assembly
     }
 
-    /// Mass of each particle [kg]; 0 for rigid organs.
+    /// Mass of each particle [kg]; 0 for rigid organs that stay where they are.
     pub fn mass(&self) -> &[f32] {
         &self.assembly.mass
     }
@@ -169,22 +176,30 @@ impl World {
         Vector3::from([0, 1, 2].map(|axis| f64::from(self.displacement[axis][slot])))
     }
 
-    /// Velocity of a particle, lattice axes [m/s].
+    /// Velocity of a particle, lattice axes [m/s]; of a rigid body's its mean over the last step, which leads from place to
+    /// place along the chord.
     pub fn velocity(&self, particle: u32) -> Vector3 {
         let slot = self.layout.slot[particle as usize] as usize;
         Vector3::from([0, 1, 2].map(|axis| f64::from(self.velocity[axis][slot])))
     }
 
-    /// Puts a particle somewhere: displacement from rest, lattice axes [m].
+    /// Puts a particle somewhere: displacement from rest, lattice axes [m]. One of a rigid body takes the body along.
     pub fn set_displacement(&mut self, particle: u32, displacement: Vector3) {
+        if let Some(body) = self.rigid_body_of(particle) {
+            return self.place_body(body, particle, displacement);
+        }
         let slot = self.layout.slot[particle as usize] as usize;
         for axis in 0..3 {
             self.displacement[axis][slot] = displacement[axis] as f32;
         }
     }
 
-    /// Gives a particle a velocity, lattice axes [m/s].
+    /// Gives a particle a velocity, lattice axes [m/s]. One of a rigid body gives it to the whole body, which stops turning;
+    /// see also [`World::set_rigid_motion`].
     pub fn set_velocity(&mut self, particle: u32, velocity: Vector3) {
+        if let Some(body) = self.rigid_body_of(particle) {
+            return self.set_rigid_motion(body, velocity, Vector3::zeros());
+        }
         let slot = self.layout.slot[particle as usize] as usize;
         for axis in 0..3 {
             self.velocity[axis][slot] = velocity[axis] as f32;
@@ -224,7 +239,8 @@ impl World {
             _ if self.springs.damped() => 8 * self.lattice.len(),
             _ => 4 * self.lattice.len(),
         };
-        (state + self.springs.bytes() + lattice + constants) as f64 / self.lattice.len() as f64
+        let rigid = self.rigid.as_ref().map_or(0, |rigid| rigid.bytes());
+        (state + self.springs.bytes() + lattice + constants + rigid) as f64 / self.lattice.len() as f64
     }
 
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
@@ -234,10 +250,13 @@ impl World {
     /// not.
     pub fn step(&mut self) -> Result<(), StepError> {
         let mut fastest = self.kick();
+        self.load_bodies();
         self.apply_drives(&mut fastest);
+        self.advance_bodies(&mut fastest);
         self.check(&fastest)?;
         self.fastest_squared = fastest.iter().copied().fold(0.0, f32::max);
         self.drift();
+        self.settle_bodies();
         self.steps += 1;
         Ok(())
     }
@@ -246,6 +265,7 @@ impl World {
     fn kick(&mut self) -> Vec<f32> {
         let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
         let damped = self.springs.damped();
+        let rigid = self.rigid.as_deref();
         let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, .. } = self;
         let old_velocity: [&[f32]; 3] = [&[]; 3];
         // With dampers the neighbours' old velocities are read while new ones are written.
@@ -264,12 +284,16 @@ impl World {
                 for axis in 0..3 {
                     gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
                 }
-                let out = [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
+                let mut out =
+                    [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
                 if damped {
                     for axis in 0..3 {
                         gather(old_velocity[axis], neighbours, &mut scratch.velocity[axis]);
                         out[axis].copy_from_slice(block_of(old_velocity[axis], block));
                     }
+                }
+                if let Some(rigid) = rigid {
+                    rigid.clear_block(block, &mut out);
                 }
                 springs.kick(step, layout, block, scratch, block_of(dt_over_mass, block), out)
             })
@@ -414,6 +438,8 @@ impl World {
     /// If a direction is not a forward one, or has no neighbour.
     pub fn sever(&mut self, springs: impl IntoIterator<Item = SeveredSpring>) -> usize {
         let mut count = 0;
+        // A free end of every spring between rigid particles.
+        let mut freed = Vec::new();
         for spring in springs {
             if self.topology.sever(&self.lattice, spring) {
                 let direction = usize::from(spring.direction);
@@ -421,7 +447,17 @@ impl World {
                 let slot = |particle: u32| self.layout.slot[particle as usize];
                 self.springs.sever(slot(spring.particle), direction, slot(far), opposite(direction));
                 count += 1;
+                if let Some(parts) = &self.assembly.rigid {
+                    let ends = [spring.particle, far];
+                    let kind = ends.map(|end| parts.kind()[end as usize]);
+                    if !kind.contains(&RigidKind::Soft) {
+                        freed.extend((0..2).find(|&end| kind[end] == RigidKind::Free).map(|end| ends[end]));
+                    }
+                }
             }
+        }
+        if !freed.is_empty() {
+            self.split_bodies(&freed);
         }
         count
     }
@@ -439,8 +475,16 @@ impl World {
     /// Brings a slot's weight in line with who claims it.
     pub(super) fn refresh(&mut self, slot: u32) {
         let claims = self.claims[slot as usize];
+        // Bodies are held and grabbed as wholes; what is joined to anchored bone moves like it.
+        let mut fixed = false;
+        if let Some(rigid) = &self.rigid {
+            if rigid.of_slot(slot).is_some() {
+                return;
+            }
+            fixed = rigid.is_anchored(slot);
+        }
         let particle = self.layout.particle_of_slot(&self.lattice, slot as usize);
-        let mass = particle.map_or(0.0, |particle| f64::from(self.assembly.mass[particle as usize]));
+        let mass = particle.filter(|_| !fixed).map_or(0.0, |particle| f64::from(self.assembly.mass[particle as usize]));
         let free = claims == Claims::default() && mass > 0.0;
         self.dt_over_mass[slot as usize] = if free { (self.dt / mass) as f32 } else { 0.0 };
         // Rigid organs only move while something moves them.

@@ -6,7 +6,10 @@
 pub mod elastic;
 pub mod library;
 pub mod paper;
+mod rigid;
 pub mod tissue;
+
+pub use rigid::{RigidKind, RigidParts};
 
 use crate::lattice::Lattice;
 use crate::lattice::neighbours::{OFFSETS, family};
@@ -31,7 +34,7 @@ pub enum SpringConstants {
 /// Masses and spring constants of a lattice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assembly {
-    /// Mass of each particle [kg]; 0 marks particles of rigid organs, which nothing but an operation moves.
+    /// Mass of each particle [kg]; 0 marks particles of rigid organs that nothing but an operation moves.
     pub mass: Vec<f32>,
     /// Stiffness of every spring [N/m].
     pub stiffness: SpringConstants,
@@ -39,6 +42,8 @@ pub struct Assembly {
     pub damping: Option<SpringConstants>,
     /// What cells add against a change of their volume; `None` when no cell adds anything.
     pub volume: Option<VolumeTerm>,
+    /// Rigid parts that move; `None` when every rigid organ stays where it is.
+    pub rigid: Option<RigidParts>,
 }
 
 /// Energy `1/2 lambda h^3 (J - 1)^2` of every cell, with `J` the determinant of the cell's mean deformation gradient: what

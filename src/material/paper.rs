@@ -5,7 +5,7 @@
 //! the step does not halve the damping. Differs: organs with different constants may share a lattice; a spring between
 //! them takes the mean of both.
 
-use super::{Assembly, SpringConstants};
+use super::{Assembly, RigidKind, RigidParts, SpringConstants};
 use crate::lattice::Lattice;
 use crate::lattice::neighbours::NEIGHBOURS;
 
@@ -20,16 +20,32 @@ pub struct PaperBody {
     pub mass: f64,
 }
 
-/// Masses and spring constants of a lattice of model `paper`. `bodies[organ]` is `None` for a rigid organ.
+/// Masses and spring constants of a lattice of model `paper`. `bodies[organ]` is `None` for a rigid organ, which stays.
 pub fn assemble(lattice: &Lattice, bodies: &[Option<PaperBody>]) -> Assembly {
-    let body = |particle: usize| bodies[usize::from(lattice.organ[particle])];
-    let mass = (0..lattice.len()).map(|p| body(p).map_or(0.0, |b| b.mass as f32)).collect();
+    assemble_with_rigid(lattice, bodies, &vec![None; bodies.len()])
+}
+
+/// The same with rigid organs that move.
+///
+/// - `rigid_density[organ]`: density of a rigid organ that moves freely [kg/m^3]; `None` for one that stays where it is, and
+///   for soft ones.
+pub fn assemble_with_rigid(lattice: &Lattice, bodies: &[Option<PaperBody>], rigid_density: &[Option<f64>]) -> Assembly {
+    let (kind, mass) = lattice
+        .organ
+        .iter()
+        .map(|&organ| match (bodies[usize::from(organ)], rigid_density[usize::from(organ)]) {
+            (Some(body), _) => (RigidKind::Soft, body.mass as f32),
+            (None, Some(density)) => (RigidKind::Free, (density * lattice.pitch.powi(3)) as f32),
+            (None, None) => (RigidKind::Anchored, 0.0),
+        })
+        .unzip();
     let damped = bodies.iter().flatten().any(|b| b.damping > 0.0);
     Assembly {
         mass,
         stiffness: constants(lattice, bodies, |b| b.stiffness),
         damping: damped.then(|| constants(lattice, bodies, |b| b.damping)),
         volume: None,
+        rigid: RigidParts::new(kind),
     }
 }
 

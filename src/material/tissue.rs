@@ -21,7 +21,7 @@
 
 use rayon::prelude::*;
 
-use super::{Assembly, SpringConstants, VolumeTerm};
+use super::{Assembly, RigidKind, RigidParts, SpringConstants, VolumeTerm};
 use crate::lattice::build::NO_ORGAN;
 use crate::lattice::cells::cells_around;
 use crate::lattice::{Lattice, NO_PARTICLE};
@@ -78,22 +78,26 @@ pub fn cell_weights(pitch: f64) -> [f32; 3] {
 
 /// Masses and spring constants of a lattice of cells. `bodies[organ]` is `None` for a rigid organ.
 ///
-/// Every corner of a rigid cell is rigid; soft cells beside it are as stiff as elsewhere.
+/// Every corner of a rigid cell is rigid and stays where it is; soft cells beside it are as stiff as elsewhere.
 ///
 /// # Panics
 /// If the lattice has no cells.
 pub fn assemble(lattice: &Lattice, bodies: &[Option<TissueBody>]) -> Assembly {
-    assemble_varied(lattice, bodies, |_| None)
+    assemble_varied(lattice, bodies, &vec![None; bodies.len()], |_| None)
 }
 
-/// The same with a Young's modulus of its own for every cell where `youngs_modulus(particle)` [Pa] gives one; the cell of a
-/// particle is the cube above it.
+/// The same with rigid organs that move, and moduli that vary.
+///
+/// - `rigid_density[organ]`: density of a rigid organ that moves freely [kg/m^3]; `None` for one that stays where it is, and
+///   for soft ones. A corner of both kinds stays.
+/// - `youngs_modulus(particle)`: that of the cell above a particle [Pa]; `None` for its organ's.
 ///
 /// # Panics
 /// If the lattice has no cells.
 pub fn assemble_varied(
     lattice: &Lattice,
     bodies: &[Option<TissueBody>],
+    rigid_density: &[Option<f64>],
     youngs_modulus: impl Fn(u32) -> Option<f64> + Sync,
 ) -> Assembly {
     assert!(lattice.has_cells(), "tissue is made of cells");
@@ -113,25 +117,28 @@ pub fn assemble_varied(
         .collect();
 
     // Gathered, not scattered: the sum runs over the up to eight cells around a particle in a fixed order.
-    let shape = lattice.grid.shape;
-    let mass = (0..lattice.len() as u32)
+    let (kind, mass): (Vec<RigidKind>, Vec<f32>) = (0..lattice.len() as u32)
         .into_par_iter()
         .map(|particle| {
-            let mut density = 0.0;
-            for cell in cells_around(shape, lattice.points[particle as usize] as usize) {
+            let (mut kind, mut density) = (RigidKind::Soft, 0.0);
+            for cell in cells_around(lattice.grid.shape, lattice.points[particle as usize] as usize) {
                 let corner = lattice.particle_at[cell];
-                if corner == NO_PARTICLE {
+                if corner == NO_PARTICLE || lattice.cell_organ[corner as usize] == NO_ORGAN {
                     continue;
                 }
-                let organ = lattice.cell_organ[corner as usize];
-                if organ != NO_ORGAN && bodies[usize::from(organ)].is_none() {
-                    return 0.0;
-                }
-                density += cells[corner as usize].density;
+                let organ = usize::from(lattice.cell_organ[corner as usize]);
+                density += match (bodies[organ], rigid_density[organ]) {
+                    (Some(_), _) => cells[corner as usize].density,
+                    (None, Some(density)) => {
+                        kind = RigidKind::Free;
+                        density * f64::from(lattice.cell_fill[corner as usize])
+                    }
+                    (None, None) => return (RigidKind::Anchored, 0.0),
+                };
             }
-            (density * lattice.pitch.powi(3) / 8.0) as f32
+            (kind, (density * lattice.pitch.powi(3) / 8.0) as f32)
         })
-        .collect();
+        .unzip();
 
     let weight = cell_weights(lattice.pitch);
     let of_cells = |value: fn(&Cell) -> f64| cells.iter().map(|cell| value(cell) as f32).collect::<Vec<f32>>();
@@ -144,6 +151,7 @@ pub fn assemble_varied(
             modulus: of_cells(|cell| cell.volume_modulus),
             viscosity: damped.then(|| of_cells(|cell| cell.volume_viscosity)),
         }),
+        rigid: RigidParts::new(kind),
     }
 }
 
@@ -249,6 +257,17 @@ mod tests {
             assert!((body.spring_modulus() / 2.5 - mu).abs() < 1e-9 * mu);
             assert!((body.volume_modulus() - (lambda - mu)).abs() < 1e-9 * mu.max(lambda), "{nu}");
         }
+    }
+
+    #[test]
+    fn free_bone_has_the_mass_of_its_cells_and_a_share_of_its_neighbours() {
+        let grid = Grid { shape: GridShape::new(2, 1, 1), affine: Affine::from_spacing([2.0; 3], [0.0; 3]).unwrap() };
+        let lattice = build_cells(&OrganMap::from_vec(grid, vec![0, 1]), None).unwrap();
+        let assembly = assemble_varied(&lattice, &[Some(BODY), None], &[None, Some(1900.0)], |_| None);
+        let total: f64 = assembly.mass.iter().map(|&m| f64::from(m)).sum();
+        assert!((total / ((1060.0 + 1900.0) * 8e-9) - 1.0).abs() < 1e-6);
+        let kinds = assembly.rigid.expect("bone moves").kind().to_vec();
+        assert_eq!(kinds.iter().filter(|&&kind| kind == RigidKind::Free).count(), 8);
     }
 
     #[test]

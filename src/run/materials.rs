@@ -30,14 +30,29 @@ pub(super) fn assemble(
                 Body::Paper { stiffness, damping, mass } => Some(PaperBody { stiffness, damping, mass }),
                 Body::Tissue { .. } | Body::Rigid { .. } => None,
             };
-            paper::assemble(lattice, &scene.organs.iter().map(body).collect::<Vec<_>>())
+            paper::assemble_with_rigid(
+                lattice,
+                &scene.organs.iter().map(body).collect::<Vec<_>>(),
+                &rigid_density(scene),
+            )
         }
         Model::Tissue => {
             let bodies: Vec<Option<TissueBody>> = scene.organs.iter().map(tissue_body).collect();
             let moduli = varying_moduli(scene, inputs, native, lattice)?;
-            tissue::assemble_varied(lattice, &bodies, |cell| moduli.as_ref().and_then(|moduli| moduli[cell as usize]))
+            tissue::assemble_varied(lattice, &bodies, &rigid_density(scene), |cell| {
+                moduli.as_ref().and_then(|moduli| moduli[cell as usize])
+            })
         }
     })
+}
+
+/// Density of the rigid organs that move freely [kg/m^3]; `None` for all others.
+fn rigid_density(scene: &Scene) -> Vec<Option<f64>> {
+    let density = |organ: &resolved::Organ| match organ.body {
+        Body::Rigid { density } => density,
+        Body::Paper { .. } | Body::Tissue { .. } => None,
+    };
+    scene.organs.iter().map(density).collect()
 }
 
 /// Constants of an organ of model `tissue`; `None` for a rigid one. A modulus that varies stands at 0 here.
