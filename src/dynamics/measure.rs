@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::world::World;
 use crate::geometry::Vector3;
-use crate::lattice::build::corners;
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, direction_of};
-use crate::lattice::{FRINGE, Lattice, NO_PARTICLE, Topology};
+use crate::kernel::reference::cell_volume_energy;
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
+use crate::lattice::{FRINGE, Lattice, Topology};
 
 /// Particles whose contributions are summed before the partial sums are added in order: the same sum at any thread count.
 const CHUNK: usize = 65_536;
@@ -16,7 +16,8 @@ const CHUNK: usize = 65_536;
 pub struct Balance {
     /// Kinetic energy [J].
     pub kinetic: f64,
-    /// Energy of the stretched springs [J].
+    /// Energy of the stretched springs and of the cells whose volume changed [J]. Below a Poisson's ratio of 1/4 the
+    /// cells' share is negative.
     pub elastic: f64,
     /// Linear momentum [kg m/s].
     pub momentum: Vector3,
@@ -53,6 +54,9 @@ pub fn balance(world: &World) -> Balance {
             let stretch = difference.dot(&(2.0 * along + difference)) / (length + along.norm());
             elastic += 0.5 * world.assembly().stiffness.of(lattice, particle, direction) * stretch * stretch;
         }
+        if let Some(term) = &world.assembly().volume {
+            elastic += cell_volume_energy(lattice, world.topology(), term, particle, |p| world.displacement(p));
+        }
         Balance {
             kinetic: 0.5 * mass * velocity.norm_squared(),
             elastic,
@@ -64,6 +68,15 @@ pub fn balance(world: &World) -> Balance {
     let partial: Vec<Balance> =
         numbers.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&p| of(p)).fold(zero, add)).collect();
     partial.into_iter().fold(zero, add)
+}
+
+/// Energy of the cells whose volume changed [J]: the share of the volume term in [`Balance::elastic`].
+pub fn volume_energy(world: &World) -> f64 {
+    let Some(term) = &world.assembly().volume else { return 0.0 };
+    let of = |p: u32| cell_volume_energy(world.lattice(), world.topology(), term, p, |p| world.displacement(p));
+    let numbers: Vec<u32> = (0..world.lattice().len() as u32).collect();
+    let partial: Vec<f64> = numbers.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&p| of(p)).sum()).collect();
+    partial.into_iter().sum()
 }
 
 /// Volume of the cells that the surface encloses and no blade went through.
@@ -83,16 +96,10 @@ pub struct CellVolume {
 /// - A cell's volume is that of its trilinear image, exactly (six tetrahedra round a body diagonal differ from it by the
 ///   warp of the faces; the mean of both splittings of every face does not).
 pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn(u32) -> Vector3 + Sync) -> CellVolume {
-    let shape = lattice.grid.shape;
     let h = lattice.pitch;
     let of = |particle: u32| -> Option<f64> {
-        let ijk = lattice.ijk(particle);
-        if (0..3).any(|axis| ijk[axis] + 1 >= shape.dims()[axis]) {
-            return None;
-        }
-        let corner = corners(shape, lattice.points[particle as usize] as usize).map(|point| lattice.particle_at[point]);
-        let inside = |p: u32| p != NO_PARTICLE && lattice.organ[p as usize] != FRINGE;
-        if !corner.iter().all(|&p| inside(p)) || !cell_is_whole(topology, &corner) {
+        let corner = topology.whole_cell(lattice, particle)?;
+        if corner.iter().any(|&p| lattice.organ[p as usize] == FRINGE) {
             return None;
         }
         let place: [Vector3; 8] = std::array::from_fn(|c| {
@@ -111,16 +118,6 @@ pub fn cell_volume(lattice: &Lattice, topology: &Topology, displacement: impl Fn
         .collect();
     let (now, count, inverted) = partial.into_iter().fold((0.0, 0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
     CellVolume { now, rest: count as f64 * h.powi(3), inverted }
-}
-
-/// True when all 28 springs between the corners (x fastest) are alive.
-fn cell_is_whole(topology: &Topology, corner: &[u32; 8]) -> bool {
-    (0..8_usize).all(|a| {
-        (a + 1..8).all(|b| {
-            let step = |shift: usize| (b >> shift & 1) as i32 - (a >> shift & 1) as i32;
-            topology.alive()[corner[a] as usize] >> direction_of([step(0), step(1), step(2)]) & 1 == 1
-        })
-    })
 }
 
 /// Volume of the trilinear image of the unit cube, corners x fastest.

@@ -8,6 +8,7 @@ pub mod measure;
 mod springs;
 pub mod stable_dt;
 pub mod timeline;
+mod volume;
 mod world;
 
 pub use drive::Handle;
