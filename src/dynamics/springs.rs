@@ -26,6 +26,16 @@ impl Scratch {
     }
 }
 
+/// What a block is kicked by.
+pub(super) struct BlockInput<'a> {
+    /// The block's displacement (and velocity, when damped) with halo.
+    pub(super) scratch: &'a mut Scratch,
+    /// Force of the cells on each slot [N]; only with springs that are sums over cells.
+    pub(super) cells: Option<&'a [[f32; BLOCK_LEN]; 3]>,
+    /// Step over mass of each slot [s/kg].
+    pub(super) dt_over_mass: &'a [f32; BLOCK_LEN],
+}
+
 /// Which body steps a block.
 #[derive(Debug, Clone, Copy)]
 enum BlockKind {
@@ -110,18 +120,15 @@ impl BlockSprings {
 
     /// Advances the velocities of one block; see [`crate::kernel::rows::kick_block`].
     ///
-    /// - `scratch`: the block's displacement (and velocity, when damped) with halo.
-    /// - `cells`: force of the cells on each slot [N]; only with springs that are sums over cells.
     pub(super) fn kick(
         &self,
         step: StepConstants,
         layout: &BlockLayout,
         block: usize,
-        scratch: &mut Scratch,
-        cells: Option<&[[f32; BLOCK_LEN]; 3]>,
-        dt_over_mass: &[f32; BLOCK_LEN],
+        input: BlockInput<'_>,
         velocity_out: [&mut [f32; BLOCK_LEN]; 3],
     ) -> f32 {
+        let BlockInput { scratch, cells, dt_over_mass } = input;
         let Scratch { displacement, velocity, stiffness: stiffness_halo, damping: damping_halo } = scratch;
         let state = BlockState { displacement: displacement.each_ref(), velocity: velocity.each_ref(), dt_over_mass };
         let bits = Bits { alive: block_of(&self.alive, block) };

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::drive::{Claims, Drive};
-use super::springs::{BlockSprings, Scratch, block_of};
+use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
 use super::volume::{CellScratch, CellVolumes};
 use crate::cut::{Sweep, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
@@ -294,7 +294,8 @@ impl World {
                     (Some(cells), Some(own)) => cells.forces(layout, block, scratch, own),
                     _ => None,
                 };
-                springs.kick(step, layout, block, scratch, force, block_of(dt_over_mass, block), out)
+                let input = BlockInput { scratch, cells: force, dt_over_mass: block_of(dt_over_mass, block) };
+                springs.kick(step, layout, block, input, out)
             })
             .collect();
         if damped {
