@@ -245,11 +245,8 @@ fn cell_group<V: CellConstant>(step: CellStep, cells: &Cells<'_>) -> [Lanes; 9] 
         }
         // A cell that is not whole can have a corner anywhere: nothing of what was computed from it may pass.
         let scale = if modulus == 0.0 { 0.0 } else { pressure * step.area };
-        for row in 0..3 {
-            for column in 0..3 {
-                out[3 * row + column][lane] = scale * cof[row][column];
-            }
-        }
+        macro_rules! store { ($($number:literal)*) => { $( out[$number][lane] = scale * cof[$number / 3][$number % 3]; )* } }
+        store!(0 1 2 3 4 5 6 7 8);
     }
     out
 }
@@ -288,7 +285,8 @@ fn particle_plane(below: &CellPlane, above: &CellPlane, z: usize, force: &mut [[
 /// costs no digits.
 #[inline(always)]
 fn gradient(corner: &[&Lanes; 8], lane: usize, scale: f32) -> [f32; 3] {
-    let [a, b, c, d, e, f, g, h] = [0, 1, 2, 3, 4, 5, 6, 7].map(|place| corner[place][lane]);
+    let (a, b, c, d) = (corner[0][lane], corner[1][lane], corner[2][lane], corner[3][lane]);
+    let (e, f, g, h) = (corner[4][lane], corner[5][lane], corner[6][lane], corner[7][lane]);
     [
         (((b - a) + (d - c)) + ((f - e) + (h - g))) * scale,
         (((c - a) + (d - b)) + ((g - e) + (h - f))) * scale,
@@ -314,7 +312,18 @@ fn contract(a: &[f32; 3], b: &[f32; 3]) -> f32 {
 /// The values at the eight corners (x fastest) of the cells above a group of grid points.
 #[inline(always)]
 fn corner_groups(halo: &Halo, first: usize) -> [&Lanes; 8] {
-    std::array::from_fn(|c| group(halo, first + (c & 1) + (c >> 1 & 1) * HALO_ROW + (c >> 2) * HALO_PLANE))
+    let (y, z) = (first + HALO_ROW, first + HALO_PLANE);
+    let yz = y + HALO_PLANE;
+    [
+        group(halo, first),
+        group(halo, first + 1),
+        group(halo, y),
+        group(halo, y + 1),
+        group(halo, z),
+        group(halo, z + 1),
+        group(halo, yz),
+        group(halo, yz + 1),
+    ]
 }
 
 #[inline(always)]
