@@ -49,6 +49,8 @@ const PARTICLE_PLANE: usize = HALO_ROW * BLOCK[1];
 
 /// `p h^2/4 cof(F)` of one plane of cells: row a, column b of the matrix at `3 a + b`.
 type CellPlane = [[f32; CELL_PLANE]; 9];
+/// One number for each particle of a plane, in halo columns.
+type ParticlePlane = [f32; PARTICLE_PLANE];
 
 /// Where a constant of the cells (modulus or viscosity) comes from. Chosen per block.
 pub trait CellConstant: Copy {
@@ -132,12 +134,14 @@ impl CellStep {
 pub struct CellPlanes {
     /// Planes of cells below and above a plane of particles, in turn.
     planes: [CellPlane; 2],
+    /// Sums over the cells around a plane of particles across x: for each axis of the force, two.
+    sums: [[ParticlePlane; 2]; 3],
 }
 
 impl CellPlanes {
     /// Empty buffers.
     pub const fn new() -> Self {
-        Self { planes: [[[0.0; CELL_PLANE]; 9]; 2] }
+        Self { planes: [[[0.0; CELL_PLANE]; 9]; 2], sums: [[[0.0; PARTICLE_PLANE]; 2]; 3] }
     }
 }
 
@@ -162,12 +166,12 @@ pub fn block_volume_forces<M: CellConstant, V: CellConstant>(
     work: &mut CellPlanes,
     force: &mut [[f32; BLOCK_LEN]; 3],
 ) {
-    let [even, odd] = &mut work.planes;
+    let CellPlanes { planes: [even, odd], sums } = work;
     cell_plane(step, &modulus, &viscosity, displacement, velocity, 0, even);
     for z in 0..BLOCK[2] {
         let (below, above) = if z % 2 == 0 { (&*even, &mut *odd) } else { (&*odd, &mut *even) };
         cell_plane(step, &modulus, &viscosity, displacement, velocity, z + 1, above);
-        particle_plane(below, above, z, force);
+        particle_plane(below, above, sums, z, force);
     }
 }
 
@@ -193,8 +197,16 @@ fn cell_plane<M: CellConstant, V: CellConstant>(
             continue;
         }
         let cells = Cells {
-            displacement: displacement.map(|halo| corner_groups(halo, first)),
-            velocity: velocity.map(|halo| corner_groups(halo, first)),
+            displacement: [
+                corner_groups(displacement[0], first),
+                corner_groups(displacement[1], first),
+                corner_groups(displacement[2], first),
+            ],
+            velocity: [
+                corner_groups(velocity[0], first),
+                corner_groups(velocity[1], first),
+                corner_groups(velocity[2], first),
+            ],
             modulus,
             viscosity: viscosity.lanes(first),
         };
@@ -256,24 +268,33 @@ fn cell_group<V: CellConstant>(step: CellStep, cells: &Cells<'_>) -> [Lanes; 9] 
 /// A particle is the corner on the side + of the cell at its side -, so along each axis the difference of both cells acts
 /// on it; across the axis the two on either side add.
 #[inline(always)]
-fn particle_plane(below: &CellPlane, above: &CellPlane, z: usize, force: &mut [[f32; BLOCK_LEN]; 3]) {
-    for (axis, force) in force.iter_mut().enumerate() {
-        // What is left to do along x: `differ` to subtract, `add` to add up.
-        let mut differ = [0.0; PARTICLE_PLANE];
-        let mut add = [0.0; PARTICLE_PLANE];
-        let planes = |number: usize| (&below[3 * axis + number], &above[3 * axis + number]);
-        let ((x_low, x_high), (y_low, y_high), (z_low, z_high)) = (planes(0), planes(1), planes(2));
+fn particle_plane(
+    below: &CellPlane,
+    above: &CellPlane,
+    sums: &mut [[ParticlePlane; 2]; 3],
+    z: usize,
+    force: &mut [[f32; BLOCK_LEN]; 3],
+) {
+    // What is left to do along x: `differ` to subtract, `add` to add up. All axes first: rows that were only just
+    // stored would have to be waited for.
+    for (axis, [differ, add]) in sums.iter_mut().enumerate() {
+        let (x_low, x_high) = (&below[3 * axis], &above[3 * axis]);
+        let (y_low, y_high) = (&below[3 * axis + 1], &above[3 * axis + 1]);
+        let (z_low, z_high) = (&below[3 * axis + 2], &above[3 * axis + 2]);
         for near in 0..PARTICLE_PLANE {
             let far = near + HALO_ROW;
             differ[near] = (x_low[near] + x_high[near]) + (x_low[far] + x_high[far]);
             add[near] = ((y_low[far] + y_high[far]) - (y_low[near] + y_high[near]))
                 + ((z_high[near] - z_low[near]) + (z_high[far] - z_low[far]));
         }
+    }
+    for ([differ, add], force) in sums.iter().zip(force) {
         for y in 0..BLOCK[1] {
             let row = y * HALO_ROW;
             let differ: &[f32; HALO_ROW] = differ[row..row + HALO_ROW].try_into().expect("a row's length");
             let add: &[f32; HALO_ROW] = add[row..row + HALO_ROW].try_into().expect("a row's length");
-            let out = &mut force[(z * BLOCK[1] + y) * LANES..][..LANES];
+            let start = (z * BLOCK[1] + y) * LANES;
+            let out: &mut Lanes = (&mut force[start..start + LANES]).try_into().expect("a row's length");
             for lane in 0..LANES {
                 out[lane] = (differ[lane + 1] - differ[lane]) + (add[lane] + add[lane + 1]);
             }
