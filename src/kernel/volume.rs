@@ -278,14 +278,18 @@ fn particle_plane(
     // What is left to do along x: `differ` to subtract, `add` to add up. All axes first: rows that were only just
     // stored would have to be waited for.
     for (axis, [differ, add]) in sums.iter_mut().enumerate() {
-        let (x_low, x_high) = (&below[3 * axis], &above[3 * axis]);
-        let (y_low, y_high) = (&below[3 * axis + 1], &above[3 * axis + 1]);
-        let (z_low, z_high) = (&below[3 * axis + 2], &above[3 * axis + 2]);
-        for near in 0..PARTICLE_PLANE {
-            let far = near + HALO_ROW;
-            differ[near] = (x_low[near] + x_high[near]) + (x_low[far] + x_high[far]);
-            add[near] = ((y_low[far] + y_high[far]) - (y_low[near] + y_high[near]))
-                + ((z_high[near] - z_low[near]) + (z_high[far] - z_low[far]));
+        // The cells of one number below and above the particles, on their near and far side along y.
+        let around = |number: usize| {
+            let (low, high) = (&below[3 * axis + number], &above[3 * axis + number]);
+            [near_rows(low), near_rows(high), far_rows(low), far_rows(high)]
+        };
+        let (x, y, z) = (around(0), around(1), around(2));
+        for place in 0..PARTICLE_PLANE {
+            differ[place] = (x[0][place] + x[1][place]) + (x[2][place] + x[3][place]);
+        }
+        for place in 0..PARTICLE_PLANE {
+            add[place] = ((y[2][place] + y[3][place]) - (y[0][place] + y[1][place]))
+                + ((z[1][place] - z[0][place]) + (z[3][place] - z[2][place]));
         }
     }
     for ([differ, add], force) in sums.iter().zip(force) {
@@ -300,6 +304,16 @@ fn particle_plane(
             }
         }
     }
+}
+
+#[inline(always)]
+fn near_rows(plane: &[f32; CELL_PLANE]) -> &ParticlePlane {
+    plane[..PARTICLE_PLANE].try_into().expect("all rows but the last")
+}
+
+#[inline(always)]
+fn far_rows(plane: &[f32; CELL_PLANE]) -> &ParticlePlane {
+    plane[HALO_ROW..].try_into().expect("all rows but the first")
 }
 
 /// Derivatives along x, y, z of a field given at a cell's corners: differences first, so that where the cell is as a whole
