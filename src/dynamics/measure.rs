@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::world::World;
 use crate::geometry::Vector3;
-use crate::lattice::build::corners;
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, direction_of};
-use crate::lattice::{Lattice, NO_PARTICLE, Topology};
+use crate::kernel::reference::cell_volume_energy;
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
+use crate::lattice::{Lattice, Topology};
 
 /// Particles whose contributions are summed before the partial sums are added in order: the same sum at any thread count.
 const CHUNK: usize = 65_536;
@@ -16,7 +16,8 @@ const CHUNK: usize = 65_536;
 pub struct Balance {
     /// Kinetic energy [J].
     pub kinetic: f64,
-    /// Energy of the stretched springs [J].
+    /// Energy of the stretched springs and of the cells whose volume changed [J]. Below a Poisson's ratio of 1/4 the
+    /// cells' share is negative.
     pub elastic: f64,
     /// Linear momentum [kg m/s].
     pub momentum: Vector3,
@@ -54,6 +55,9 @@ pub fn balance(world: &World) -> Balance {
             let stretch = difference.dot(&(2.0 * along + difference)) / (length + along.norm());
             elastic += 0.5 * world.assembly().stiffness.of(lattice, particle, direction) * stretch * stretch;
         }
+        if let Some(term) = &world.assembly().volume {
+            elastic += cell_volume_energy(lattice, world.topology(), term, particle, |p| world.displacement(p));
+        }
         Balance {
             kinetic: 0.5 * mass * velocity.norm_squared(),
             elastic,
@@ -71,6 +75,15 @@ pub fn balance(world: &World) -> Balance {
         angular_momentum: body.centre().cross(&body.momentum()) + body.angular_momentum(),
     });
     partial.into_iter().chain(bodies).fold(zero, add)
+}
+
+/// Energy of the cells whose volume changed [J]: the share of the volume term in [`Balance::elastic`].
+pub fn volume_energy(world: &World) -> f64 {
+    let Some(term) = &world.assembly().volume else { return 0.0 };
+    let of = |p: u32| cell_volume_energy(world.lattice(), world.topology(), term, p, |p| world.displacement(p));
+    let numbers: Vec<u32> = (0..world.lattice().len() as u32).collect();
+    let partial: Vec<f64> = numbers.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&p| of(p)).sum()).collect();
+    partial.into_iter().sum()
 }
 
 /// Volume of the tissue in cells that no blade went through.
@@ -123,8 +136,14 @@ fn cell_volume_of(
     let h = lattice.pitch;
     // Volume of its tissue now and at rest.
     let of = |particle: u32| -> Option<(f64, f64)> {
-        let (corner, fill) = tissue_cell(lattice, organ, particle)?;
-        if !cell_is_whole(topology, &corner) {
+        let corner = topology.whole_cell(lattice, particle)?;
+        let counts = match organ {
+            None => true,
+            Some(organ) if lattice.has_cells() => lattice.cell_organ[particle as usize] == organ,
+            Some(organ) => corner.iter().all(|&p| lattice.organ[p as usize] == organ),
+        };
+        let fill = lattice.cell_fill.get(particle as usize).map_or(1.0, |&fill| f64::from(fill));
+        if !counts {
             return None;
         }
         let place: [Vector3; 8] = std::array::from_fn(|c| {
@@ -153,35 +172,6 @@ fn cell_volume_of(
         cells: a.cells + b.cells,
         inverted: a.inverted + b.inverted,
         first_inverted: a.first_inverted.or(b.first_inverted),
-    })
-}
-
-/// Corners and fill of the cell above a particle, of one organ or of any: a cell of material, or, where voxels are
-/// particles, the cube between eight of them.
-fn tissue_cell(lattice: &Lattice, organ: Option<u8>, particle: u32) -> Option<([u32; 8], f64)> {
-    let counts = |own: u8| organ.is_none_or(|organ| organ == own);
-    if lattice.has_cells() {
-        let corners = lattice.cell(particle)?;
-        return counts(lattice.cell_organ[particle as usize])
-            .then(|| (corners, f64::from(lattice.cell_fill[particle as usize])));
-    }
-    let shape = lattice.grid.shape;
-    let ijk = lattice.ijk(particle);
-    if (0..3).any(|axis| ijk[axis] + 1 >= shape.dims()[axis]) {
-        return None;
-    }
-    let corner = corners(shape, lattice.points[particle as usize] as usize).map(|point| lattice.particle_at[point]);
-    let inside = |p: u32| p != NO_PARTICLE && counts(lattice.organ[p as usize]);
-    corner.iter().all(|&p| inside(p)).then_some((corner, 1.0))
-}
-
-/// True when all 28 springs between the corners (x fastest) are alive.
-fn cell_is_whole(topology: &Topology, corner: &[u32; 8]) -> bool {
-    (0..8_usize).all(|a| {
-        (a + 1..8).all(|b| {
-            let step = |shift: usize| (b >> shift & 1) as i32 - (a >> shift & 1) as i32;
-            topology.alive()[corner[a] as usize] >> direction_of([step(0), step(1), step(2)]) & 1 == 1
-        })
     })
 }
 

@@ -9,6 +9,7 @@ mod rigid;
 mod springs;
 pub mod stable_dt;
 pub mod timeline;
+mod volume;
 mod world;
 
 pub use drive::Handle;

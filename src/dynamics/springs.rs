@@ -2,7 +2,7 @@
 
 use crate::kernel::dispatch::kick;
 use crate::kernel::halo::{HALO_LEN, Halo, gather, halo_row};
-use crate::kernel::rows::{Absent, Bits, BlockState, Intact, MeanOfEnds, StepConstants, SumOfCells, Uniform};
+use crate::kernel::rows::{Absent, Bits, BlockState, Intact, Known, MeanOfEnds, StepConstants, SumOfCells, Uniform};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout};
 use crate::lattice::neighbours::ALL_ALIVE;
 use crate::material::{Assembly, SpringConstants};
@@ -24,6 +24,16 @@ impl Scratch {
             damping: [0.0; HALO_LEN],
         })
     }
+}
+
+/// What a block is kicked by.
+pub(super) struct BlockInput<'a> {
+    /// The block's displacement (and velocity, when damped) with halo.
+    pub(super) scratch: &'a mut Scratch,
+    /// Force of the cells on each slot [N]; only with springs that are sums over cells.
+    pub(super) cells: Option<&'a [[f32; BLOCK_LEN]; 3]>,
+    /// Step over mass of each slot [s/kg].
+    pub(super) dt_over_mass: &'a [f32; BLOCK_LEN],
 }
 
 /// Which body steps a block.
@@ -110,36 +120,43 @@ impl BlockSprings {
 
     /// Advances the velocities of one block; see [`crate::kernel::rows::kick_block`].
     ///
-    /// `scratch` holds the block's displacement (and velocity, when damped) with halo.
     pub(super) fn kick(
         &self,
         step: StepConstants,
         layout: &BlockLayout,
         block: usize,
-        scratch: &mut Scratch,
-        dt_over_mass: &[f32; BLOCK_LEN],
+        input: BlockInput<'_>,
         velocity_out: [&mut [f32; BLOCK_LEN]; 3],
     ) -> f32 {
+        let BlockInput { scratch, cells, dt_over_mass } = input;
         let Scratch { displacement, velocity, stiffness: stiffness_halo, damping: damping_halo } = scratch;
         let state = BlockState { displacement: displacement.each_ref(), velocity: velocity.each_ref(), dt_over_mass };
         let bits = Bits { alive: block_of(&self.alive, block) };
         let neighbours = &layout.neighbours[block];
+        macro_rules! kick_with_cells {
+            ($stiffness:expr, $damping:expr, $alive:expr) => {
+                match cells {
+                    Some(force) => kick(step, $stiffness, $damping, $alive, Known { force }, state, velocity_out),
+                    None => kick(step, $stiffness, $damping, $alive, Absent, state, velocity_out),
+                }
+            };
+        }
         match (&self.law, self.kind[block]) {
             (_, BlockKind::Alike { stiffness, damping }) => {
                 let stiffness = Uniform { by_family: stiffness };
                 if self.damped() {
-                    kick(step, stiffness, Uniform { by_family: damping }, Intact, state, velocity_out)
+                    kick_with_cells!(stiffness, Uniform { by_family: damping }, Intact)
                 } else {
-                    kick(step, stiffness, Absent, Intact, state, velocity_out)
+                    kick_with_cells!(stiffness, Absent, Intact)
                 }
             }
             (Law::Uniform { stiffness, damping }, BlockKind::General) => {
                 let stiffness = Uniform { by_family: [*stiffness; 3] };
                 match damping {
                     Some(damping) => {
-                        kick(step, stiffness, Uniform { by_family: [*damping; 3] }, bits, state, velocity_out)
+                        kick(step, stiffness, Uniform { by_family: [*damping; 3] }, bits, Absent, state, velocity_out)
                     }
-                    None => kick(step, stiffness, Absent, bits, state, velocity_out),
+                    None => kick(step, stiffness, Absent, bits, Absent, state, velocity_out),
                 }
             }
             (Law::MeanOfEnds { stiffness, damping }, BlockKind::General) => {
@@ -148,9 +165,9 @@ impl BlockSprings {
                 match damping {
                     Some(damping) => {
                         gather(damping, neighbours, damping_halo);
-                        kick(step, stiffness, MeanOfEnds { particle: damping_halo }, bits, state, velocity_out)
+                        kick(step, stiffness, MeanOfEnds { particle: damping_halo }, bits, Absent, state, velocity_out)
                     }
-                    None => kick(step, stiffness, Absent, bits, state, velocity_out),
+                    None => kick(step, stiffness, Absent, bits, Absent, state, velocity_out),
                 }
             }
             (Law::SumOfCells { stiffness, damping, weight }, BlockKind::General) => {
@@ -160,9 +177,9 @@ impl BlockSprings {
                     Some(damping) => {
                         gather(damping, neighbours, damping_halo);
                         let damping = SumOfCells { cell: damping_halo, weight: *weight };
-                        kick(step, stiffness, damping, bits, state, velocity_out)
+                        kick_with_cells!(stiffness, damping, bits)
                     }
-                    None => kick(step, stiffness, Absent, bits, state, velocity_out),
+                    None => kick_with_cells!(stiffness, Absent, bits),
                 }
             }
         }
@@ -225,7 +242,7 @@ impl Law {
 }
 
 /// The value of every cell that touches the block, when it is one and the same: the block's own and one layer below it.
-fn alike(cell: &[f32], layout: &BlockLayout, block: usize) -> Option<f32> {
+pub(super) fn alike(cell: &[f32], layout: &BlockLayout, block: usize) -> Option<f32> {
     let mut halo = [0.0; HALO_LEN];
     gather(cell, &layout.neighbours[block], &mut halo);
     let value = cell[block * BLOCK_LEN];

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::drive::{Claims, Drive};
 use super::rigid::Bodies;
-use super::springs::{BlockSprings, Scratch, block_of};
+use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
+use super::volume::{CellScratch, CellVolumes};
 use crate::cut::{Sweep, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
 use crate::kernel::halo::gather;
@@ -12,7 +13,7 @@ use crate::kernel::rows::StepConstants;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout, NO_BLOCK};
 use crate::lattice::neighbours::{NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
-use crate::material::{Assembly, RigidKind};
+use crate::material::{Assembly, RigidKind, SpringConstants};
 
 /// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
 const LONGEST_MOVE: f64 = 2.0;
@@ -65,6 +66,8 @@ pub struct World {
     pub(super) assembly: Assembly,
     pub(super) layout: BlockLayout,
     pub(super) springs: BlockSprings,
+    /// `None` when no cell has a volume term: then nothing is stored, loaded or computed for it.
+    cells: Option<CellVolumes>,
     /// Displacement x, y, z of each slot [m].
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
@@ -93,13 +96,21 @@ impl World {
     /// - `dt`: time step [s]; see [`super::stable_dt`] for the largest that is stable.
     ///
     /// # Panics
-    /// If the assembly is not the lattice's, `dt` is not positive, or a free rigid particle has no mass.
+    /// If the assembly is not the lattice's, `dt` is not positive, or a free rigid particle has no mass; if cells have a
+    /// volume term although the springs are not sums over cells, or its viscosity comes without damped springs (old
+    /// velocities are kept only for these).
     pub fn new(lattice: Lattice, assembly: Assembly, dt: f64) -> Self {
         assert_eq!(assembly.mass.len(), lattice.len(), "one mass per particle");
         assert!(dt > 0.0 && dt.is_finite(), "the step is a positive time");
         let layout = BlockLayout::new(&lattice);
         let topology = Topology::new(&lattice);
         let springs = BlockSprings::new(&layout, &assembly, topology.alive());
+        let cells = assembly.volume.as_ref().map(|term| {
+            let by_cells = matches!(assembly.stiffness, SpringConstants::SumOfCells { .. });
+            assert!(by_cells, "only springs that are sums over cells are joined by a volume term");
+            assert!(term.viscosity.is_none() || springs.damped(), "a volume term with viscosity needs damped springs");
+            CellVolumes::new(&lattice, &layout, &topology, term, dt)
+        });
         let zeros = || [0, 1, 2].map(|_| vec![0.0; layout.slots()]);
         let next_velocity = if springs.damped() { zeros() } else { [const { Vec::new() }; 3] };
         let rigid = Bodies::new(&lattice, &topology, &assembly, &layout).map(Box::new);
@@ -122,6 +133,7 @@ impl World {
             assembly,
             layout,
             springs,
+            cells,
         };
         for particle in 0..world.lattice.len() {
             world.refresh(world.layout.slot[particle]);
@@ -228,19 +240,23 @@ impl World {
         self.springs.alike_blocks() as f64 / self.layout.blocks.len() as f64
     }
 
-    /// Bytes held per particle by state, springs and lattice.
+    /// Bytes held per particle by state, springs, cells and lattice.
     pub fn bytes_per_particle(&self) -> f64 {
         let slots = self.layout.slots();
         let fields = if self.springs.damped() { 9 } else { 6 };
         let state = slots * (4 * (fields + 1) + size_of::<Claims>());
         let lattice = self.lattice.len() * (4 + 1 + 4 + 4 + 4 + 4) + 4 * self.lattice.particle_at.len();
         let constants = match &self.assembly.stiffness {
-            crate::material::SpringConstants::Uniform(_) => 0,
+            SpringConstants::Uniform(_) => 0,
             _ if self.springs.damped() => 8 * self.lattice.len(),
             _ => 4 * self.lattice.len(),
         };
         let rigid = self.rigid.as_ref().map_or(0, |rigid| rigid.bytes());
-        (state + self.springs.bytes() + lattice + constants + rigid) as f64 / self.lattice.len() as f64
+        // Once in block order, once as assembled.
+        let assembled = self.assembly.volume.as_ref();
+        let assembled = assembled.map_or(0, |term| term.modulus.len() + term.viscosity.as_ref().map_or(0, Vec::len));
+        let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
+        (state + self.springs.bytes() + cells + lattice + constants + rigid) as f64 / self.lattice.len() as f64
     }
 
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
@@ -266,7 +282,7 @@ impl World {
         let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
         let damped = self.springs.damped();
         let rigid = self.rigid.as_deref();
-        let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, .. } = self;
+        let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, cells, .. } = self;
         let old_velocity: [&[f32]; 3] = [&[]; 3];
         // With dampers the neighbours' old velocities are read while new ones are written.
         let (old_velocity, [x, y, z]) = if damped {
@@ -276,10 +292,11 @@ impl World {
         };
         let chunks =
             (x.par_chunks_exact_mut(BLOCK_LEN), y.par_chunks_exact_mut(BLOCK_LEN), z.par_chunks_exact_mut(BLOCK_LEN));
+        let scratch = || (Scratch::new(), cells.as_ref().map(|_| CellScratch::new()));
         let fastest = chunks
             .into_par_iter()
             .enumerate()
-            .map_init(Scratch::new, |scratch, (block, (x, y, z))| {
+            .map_init(scratch, |(scratch, cell_scratch), (block, (x, y, z))| {
                 let neighbours = &layout.neighbours[block];
                 for axis in 0..3 {
                     gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
@@ -295,7 +312,12 @@ impl World {
                 if let Some(rigid) = rigid {
                     rigid.clear_block(block, &mut out);
                 }
-                springs.kick(step, layout, block, scratch, block_of(dt_over_mass, block), out)
+                let force = match (&*cells, cell_scratch) {
+                    (Some(cells), Some(own)) => cells.forces(layout, block, scratch, own),
+                    _ => None,
+                };
+                let input = BlockInput { scratch, cells: force, dt_over_mass: block_of(dt_over_mass, block) };
+                springs.kick(step, layout, block, input, out)
             })
             .collect();
         if damped {
@@ -446,6 +468,11 @@ impl World {
                 let far = self.lattice.neighbour(spring.particle, direction).expect("a spring has two ends");
                 let slot = |particle: u32| self.layout.slot[particle as usize];
                 self.springs.sever(slot(spring.particle), direction, slot(far), opposite(direction));
+                if let Some(cells) = &mut self.cells {
+                    for cell in self.lattice.cells_of_spring(spring.particle, direction) {
+                        cells.drop_cell(&self.lattice, &self.layout, cell);
+                    }
+                }
                 count += 1;
                 if let Some(parts) = &self.assembly.rigid {
                     let ends = [spring.particle, far];
@@ -465,6 +492,9 @@ impl World {
     /// Steps every block with the general body from now on. Same bits, slower: for tests and measurements.
     pub fn forget_alike_blocks(&mut self) {
         self.springs.forget_alike_blocks();
+        if let Some(cells) = &mut self.cells {
+            cells.forget_alike_blocks();
+        }
     }
 
     /// Largest distance any particle covered in the last step [m]; 0 before the first.

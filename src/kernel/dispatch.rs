@@ -1,21 +1,38 @@
-//! The fast body compiled for several instruction sets; the best one this machine has is picked at run time.
+//! The fast bodies compiled for several instruction sets; the best one this machine has is picked at run time.
 
 use multiversion::multiversion;
 
-use super::rows::{Alive, BlockState, SpringConstant, StepConstants, kick_block};
+use super::halo::Halo;
+use super::rows::{Alive, BlockState, KnownForce, SpringConstant, StepConstants, kick_block};
+use super::volume::{CellConstant, CellPlanes, CellStep, block_volume_forces};
 use crate::lattice::layout::BLOCK_LEN;
 
 /// [`kick_block`] on the best instruction set of this machine. Same bits on all of them.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
-pub fn kick<K: SpringConstant, C: SpringConstant, A: Alive>(
+pub fn kick<K: SpringConstant, C: SpringConstant, A: Alive, F: KnownForce>(
     step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
+    known: F,
     state: BlockState<'_>,
     velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
-    kick_block(step, stiffness, damping, alive, state, velocity)
+    kick_block(step, stiffness, damping, alive, known, state, velocity)
+}
+
+/// [`block_volume_forces`] on the best instruction set of this machine. Same bits on all of them.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
+pub fn volume_forces<M: CellConstant, V: CellConstant>(
+    step: CellStep,
+    modulus: M,
+    viscosity: V,
+    displacement: [&Halo; 3],
+    velocity: [&Halo; 3],
+    work: &mut CellPlanes,
+    force: &mut [[f32; BLOCK_LEN]; 3],
+) {
+    block_volume_forces(step, modulus, viscosity, displacement, velocity, work, force);
 }
 
 /// Name of the instruction set that [`kick`] uses on this machine.
@@ -44,7 +61,8 @@ pub fn instruction_set() -> &'static str {
 mod tests {
     use super::*;
     use crate::kernel::halo::Halo;
-    use crate::kernel::rows::{Absent, Bits, Intact, MeanOfEnds, SumOfCells, Uniform};
+    use crate::kernel::rows::{Absent, Bits, Intact, Known, MeanOfEnds, SumOfCells, Uniform};
+    use crate::kernel::volume::{EachCell, SameCells};
 
     /// A halo of numbers in `low..high`, told apart by `seed`.
     fn random(seed: u32, low: f32, high: f32) -> Halo {
@@ -68,17 +86,17 @@ mod tests {
         let state =
             BlockState { displacement: displacement.each_ref(), velocity: velocity.each_ref(), dt_over_mass: &weights };
         let mut compared = 0;
-        macro_rules! compare { ($($stiffness:expr, $damping:expr, $alive:expr;)*) => { $(
+        macro_rules! compare { ($($stiffness:expr, $damping:expr, $alive:expr, $known:expr;)*) => { $(
             let run = |best: bool| {
                 let mut out = [[0.25_f32; BLOCK_LEN]; 3];
                 let fastest = if best {
-                    kick(step, $stiffness, $damping, $alive, state, out.each_mut())
+                    kick(step, $stiffness, $damping, $alive, $known, state, out.each_mut())
                 } else {
-                    kick_block(step, $stiffness, $damping, $alive, state, out.each_mut())
+                    kick_block(step, $stiffness, $damping, $alive, $known, state, out.each_mut())
                 };
                 (fastest.to_bits(), out.map(|axis| axis.map(f32::to_bits)))
             };
-            assert!(run(true) == run(false), "{} on {}", stringify!($stiffness, $damping, $alive), instruction_set());
+            assert!(run(true) == run(false), "{} on {}", stringify!($stiffness, $damping, $alive, $known), instruction_set());
             assert!(run(true).1.iter().flatten().any(|&bits| bits != 0.25_f32.to_bits()), "something moved");
             compared += 1;
         )* } }
@@ -86,16 +104,59 @@ mod tests {
         let ends = |particle| MeanOfEnds { particle };
         let cells = |cell| SumOfCells { cell, weight: [0.16, 0.09, 0.17] };
         let bits = Bits { alive: &alive };
+        let force: [[f32; BLOCK_LEN]; 3] =
+            [11, 12, 13].map(|seed| random(seed, -1e-3, 1e-3)[..BLOCK_LEN].try_into().unwrap());
+        let known = Known { force: &force };
         compare! {
-            uniform, Absent, Intact;
-            uniform, uniform, Intact;
-            uniform, Absent, bits;
-            uniform, uniform, bits;
-            ends(&stiffness), Absent, bits;
-            ends(&stiffness), ends(&damping), bits;
-            cells(&stiffness), Absent, bits;
-            cells(&stiffness), cells(&damping), bits;
+            uniform, Absent, Intact, Absent;
+            uniform, uniform, Intact, Absent;
+            uniform, Absent, bits, Absent;
+            uniform, uniform, bits, Absent;
+            ends(&stiffness), Absent, bits, Absent;
+            ends(&stiffness), ends(&damping), bits, Absent;
+            cells(&stiffness), Absent, bits, Absent;
+            cells(&stiffness), cells(&damping), bits, Absent;
+            uniform, Absent, Intact, known;
+            uniform, uniform, Intact, known;
+            cells(&stiffness), Absent, bits, known;
+            cells(&stiffness), cells(&damping), bits, known;
         }
-        assert_eq!(compared, 8);
+        assert_eq!(compared, 12);
+    }
+
+    #[test]
+    fn every_volume_term_gives_the_bits_of_the_baseline() {
+        let step = CellStep::new(3e-3, 1e-4);
+        let displacement = [11, 12, 13].map(|seed| random(seed, -1e-3, 1e-3));
+        let velocity = [14, 15, 16].map(|seed| random(seed, -0.5, 0.5));
+        let mut modulus = random(17, -2e3, 8e4);
+        let viscosity = random(18, 0.0, 40.0);
+        // Cells that are not whole: a run longer than a group of lanes, and single ones.
+        modulus[400..450].fill(0.0);
+        modulus.iter_mut().step_by(7).for_each(|value| *value = 0.0);
+        let mut compared = 0;
+        macro_rules! compare { ($($modulus:expr, $viscosity:expr;)*) => { $(
+            let run = |best: bool| {
+                let mut force = [[f32::NAN; BLOCK_LEN]; 3];
+                let mut work = CellPlanes::new();
+                let (u, v) = (displacement.each_ref(), velocity.each_ref());
+                if best {
+                    volume_forces(step, $modulus, $viscosity, u, v, &mut work, &mut force);
+                } else {
+                    block_volume_forces(step, $modulus, $viscosity, u, v, &mut work, &mut force);
+                }
+                force.map(|axis| axis.map(f32::to_bits))
+            };
+            assert!(run(true) == run(false), "{} on {}", stringify!($modulus, $viscosity), instruction_set());
+            assert!(run(true).iter().flatten().all(|&bits| f32::from_bits(bits).is_finite()));
+            compared += 1;
+        )* } }
+        compare! {
+            SameCells::new(5e4), Absent;
+            SameCells::new(-1e3), SameCells::new(12.0);
+            EachCell { cell: &modulus }, Absent;
+            EachCell { cell: &modulus }, EachCell { cell: &viscosity };
+        }
+        assert_eq!(compared, 4);
     }
 }

@@ -2,10 +2,12 @@
 //!
 //! One particle gathers the forces of its 26 springs in the order of [`crate::lattice::neighbours::OFFSETS`], so the
 //! result depends neither on the number of threads nor on the instruction set. [`reference`] says what is computed,
-//! plainly and in f64; [`halo`] copies a block and one layer around it into a small buffer; [`rows`] is the fast body
-//! over that buffer; [`dispatch`] compiles it for several instruction sets and picks one at run time.
+//! plainly and in f64; [`halo`] copies a block and one layer around it into a small buffer; [`volume`] and [`rows`] are
+//! the fast bodies over that buffer, of the cells and of the springs; [`dispatch`] compiles them for several instruction
+//! sets and picks one at run time.
 
 pub mod dispatch;
 pub mod halo;
 pub mod reference;
 pub mod rows;
+pub mod volume;

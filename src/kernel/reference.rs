@@ -1,9 +1,9 @@
 //! What the hot loop computes, written plainly and in f64: the oracle of every fast variant.
 
-use crate::geometry::Vector3;
+use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, Topology};
-use crate::material::Assembly;
+use crate::material::{Assembly, VolumeTerm};
 
 /// Force of all living springs on each particle, lattice axes [N]. Shape `[particles]`.
 ///
@@ -46,4 +46,71 @@ pub fn spring_forces(
             force
         })
         .collect()
+}
+
+/// Force of all cells' volume terms on each particle, lattice axes [N]. Shape `[particles]`; see [`spring_forces`] for the
+/// arguments and [`super::volume`] for the law. Cells with a severed spring or a missing corner add nothing.
+pub fn volume_forces(
+    lattice: &Lattice,
+    topology: &Topology,
+    assembly: &Assembly,
+    displacement: &[Vector3],
+    velocity: &[Vector3],
+    dt: f64,
+) -> Vec<Vector3> {
+    let mut force = vec![Vector3::zeros(); lattice.len()];
+    let Some(term) = &assembly.volume else { return force };
+    for cell in 0..lattice.len() as u32 {
+        let modulus = f64::from(term.modulus[cell as usize]);
+        let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| modulus != 0.0) else { continue };
+        let h = lattice.pitch;
+        let now = Matrix3::identity() + mean_gradient(h, corners.map(|p| displacement[p as usize]));
+        let change = now.determinant() - 1.0;
+        let mut pressure = modulus * change;
+        if modulus < 0.0 {
+            pressure /= (1.0 + change * change).powi(2);
+        }
+        if let Some(viscosity) = &term.viscosity {
+            let earlier = now - dt * mean_gradient(h, corners.map(|p| velocity[p as usize]));
+            pressure += f64::from(viscosity[cell as usize]) * (now.determinant() - earlier.determinant()) / dt;
+        }
+        for (c, &corner) in corners.iter().enumerate() {
+            force[corner as usize] -= pressure * h.powi(3) * cofactor(&now) * shape_gradient(h, c);
+        }
+    }
+    force
+}
+
+/// Energy of the volume term of the cell above a particle [J]; 0 when the cell is not whole.
+///
+/// - `displacement` of a particle [m], lattice axes.
+pub fn cell_volume_energy(
+    lattice: &Lattice,
+    topology: &Topology,
+    term: &VolumeTerm,
+    cell: u32,
+    displacement: impl Fn(u32) -> Vector3,
+) -> f64 {
+    let modulus = f64::from(term.modulus[cell as usize]);
+    let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| modulus != 0.0) else { return 0.0 };
+    let h = lattice.pitch;
+    let change = (Matrix3::identity() + mean_gradient(h, corners.map(displacement))).determinant() - 1.0;
+    let bound = if modulus < 0.0 { 1.0 + change * change } else { 1.0 };
+    0.5 * modulus * h.powi(3) * change * change / bound
+}
+
+/// Mean gradient over a cell of the field with these values at its corners (x fastest).
+fn mean_gradient(h: f64, values: [Vector3; 8]) -> Matrix3 {
+    (0..8).map(|c| values[c] * shape_gradient(h, c).transpose()).sum()
+}
+
+/// Derivative of the mean gradient with respect to the value at a corner: `(+-1, +-1, +-1) / 4h`.
+fn shape_gradient(h: f64, corner: usize) -> Vector3 {
+    Vector3::from_fn(|axis, _| if corner >> axis & 1 == 1 { 0.25 / h } else { -0.25 / h })
+}
+
+/// The derivative of the determinant.
+fn cofactor(f: &Matrix3) -> Matrix3 {
+    let [x, y, z] = [0, 1, 2].map(|axis| f.column(axis).into_owned());
+    Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
 }

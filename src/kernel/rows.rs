@@ -182,6 +182,45 @@ impl<'a> Alive for Bits<'a> {
     }
 }
 
+/// Forces that are known before the springs are summed. Chosen per block.
+pub trait KnownForce: Copy {
+    /// What the loop keeps per row.
+    type Row;
+    /// Called once per row.
+    fn row(self, y: usize, z: usize) -> Self::Row;
+    /// Force on the particle in `lane` [N]; the springs' are added to it.
+    fn of(row: &Self::Row, lane: usize) -> [f32; 3];
+}
+
+impl KnownForce for Absent {
+    type Row = ();
+    #[inline(always)]
+    fn row(self, _: usize, _: usize) {}
+    #[inline(always)]
+    fn of(_: &(), _: usize) -> [f32; 3] {
+        [0.0; 3]
+    }
+}
+
+/// One force per particle.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    /// Force x, y, z of each slot [N].
+    pub force: &'a [[f32; BLOCK_LEN]; 3],
+}
+
+impl<'a> KnownForce for Known<'a> {
+    type Row = [&'a Lanes; 3];
+    #[inline(always)]
+    fn row(self, y: usize, z: usize) -> Self::Row {
+        self.force.each_ref().map(|axis| row_of_block(axis, y, z))
+    }
+    #[inline(always)]
+    fn of(row: &Self::Row, lane: usize) -> [f32; 3] {
+        [row[0][lane], row[1][lane], row[2][lane]]
+    }
+}
+
 /// What a block is stepped from.
 #[derive(Clone, Copy)]
 pub struct BlockState<'a> {
@@ -227,11 +266,12 @@ impl StepConstants {
 /// - `velocity` x, y, z [m/s]: the block's own slots, old on entry, new on return.
 /// - Returns the largest squared speed of the block [m^2/s^2], infinite when any velocity is not finite.
 #[inline(always)]
-pub fn kick_block<K: SpringConstant, C: SpringConstant, A: Alive>(
+pub fn kick_block<K: SpringConstant, C: SpringConstant, A: Alive, F: KnownForce>(
     step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
+    known: F,
     state: BlockState<'_>,
     velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
@@ -250,9 +290,10 @@ pub fn kick_block<K: SpringConstant, C: SpringConstant, A: Alive>(
                 stiffness: stiffness.row(y, z),
                 damping: damping.row(y, z),
                 alive: alive.row(y, z),
+                known: known.row(y, z),
                 dt_over_mass,
             };
-            let speeds = kick_row::<K, C, A>(
+            let speeds = kick_row::<K, C, A, F>(
                 &row,
                 row_of_block_mut(velocity_x, y, z),
                 row_of_block_mut(velocity_y, y, z),
@@ -273,27 +314,28 @@ pub fn kick_block<K: SpringConstant, C: SpringConstant, A: Alive>(
     fastest
 }
 
-struct Row<'a, K: SpringConstant, C: SpringConstant, A: Alive> {
+struct Row<'a, K: SpringConstant, C: SpringConstant, A: Alive, F: KnownForce> {
     step: StepConstants,
     displacement: [[&'a [f32; HALO_ROW]; 9]; 3],
     velocity: [[&'a [f32; HALO_ROW]; 9]; 3],
     stiffness: K::Row,
     damping: C::Row,
     alive: A::Row,
+    known: F::Row,
     dt_over_mass: &'a [f32; LANES],
 }
 
 #[inline(always)]
-fn kick_row<K: SpringConstant, C: SpringConstant, A: Alive>(
-    row: &Row<'_, K, C, A>,
+fn kick_row<K: SpringConstant, C: SpringConstant, A: Alive, F: KnownForce>(
+    row: &Row<'_, K, C, A, F>,
     velocity_x: &mut Lanes,
     velocity_y: &mut Lanes,
     velocity_z: &mut Lanes,
 ) -> Lanes {
     let mut speeds = [0.0; LANES];
     for lane in 0..LANES {
-        let mut force = [0.0_f32; 3];
-        macro_rules! springs { ($($direction:literal)*) => { $( add_spring::<$direction, K, C, A>(row, lane, &mut force); )* } }
+        let mut force = F::of(&row.known, lane);
+        macro_rules! springs { ($($direction:literal)*) => { $( add_spring::<$direction, K, C, A, F>(row, lane, &mut force); )* } }
         springs!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25);
         let weight = row.dt_over_mass[lane];
         let free = if weight > 0.0 { 1.0 } else { 0.0 };
@@ -309,8 +351,8 @@ fn kick_row<K: SpringConstant, C: SpringConstant, A: Alive>(
 }
 
 #[inline(always)]
-fn add_spring<const D: usize, K: SpringConstant, C: SpringConstant, A: Alive>(
-    row: &Row<'_, K, C, A>,
+fn add_spring<const D: usize, K: SpringConstant, C: SpringConstant, A: Alive, F: KnownForce>(
+    row: &Row<'_, K, C, A, F>,
     lane: usize,
     force: &mut [f32; 3],
 ) {

@@ -1,6 +1,27 @@
 //! Which springs are alive, and when and where the others were severed.
 
-use super::{Lattice, neighbours};
+use super::build::corners;
+use super::neighbours::{self, direction_of};
+use super::{Lattice, NO_PARTICLE};
+
+/// For each corner of a cell (x fastest) its seven springs inside the cell, one bit per direction.
+const CELL_SPRINGS: [u32; 8] = cell_springs();
+
+const fn cell_springs() -> [u32; 8] {
+    let mut springs = [0; 8];
+    let mut pair = 0;
+    while pair < 64 {
+        let (near, far) = (pair / 8, pair % 8);
+        if near != far {
+            let x = (far & 1) as i32 - (near & 1) as i32;
+            let y = (far >> 1 & 1) as i32 - (near >> 1 & 1) as i32;
+            let z = (far >> 2) as i32 - (near >> 2) as i32;
+            springs[near] |= 1 << direction_of([x, y, z]);
+        }
+        pair += 1;
+    }
+    springs
+}
 
 /// A spring that a blade went through.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +91,21 @@ impl Topology {
     /// Every severed spring in the order of severing.
     pub fn severed(&self) -> &[SeveredSpring] {
         &self.severed
+    }
+
+    /// The eight corners (x fastest) of the cell above a particle, towards +x, +y, +z, when all 28 springs between them
+    /// are alive; `None` when one is not, or a corner is missing.
+    pub fn whole_cell(&self, lattice: &Lattice, particle: u32) -> Option<[u32; 8]> {
+        let intact =
+            |corner: usize, particle: u32| self.alive[particle as usize] & CELL_SPRINGS[corner] == CELL_SPRINGS[corner];
+        // A corner with its seven springs has the seven others for neighbours, so none of them lies outside the grid.
+        if !intact(0, particle) {
+            return None;
+        }
+        let corner = corners(lattice.grid.shape, lattice.points[particle as usize] as usize)
+            .map(|point| lattice.particle_at[point]);
+        debug_assert!(!corner.contains(&NO_PARTICLE));
+        (1..8).all(|c| intact(c, corner[c])).then_some(corner)
     }
 
     /// Removes a spring; returns false when it was not alive (cutting twice changes nothing).

@@ -1,0 +1,160 @@
+//! The cells' volume term in block order, and which blocks may take the fast body.
+//!
+//! A cell with a severed spring drops its term, modulus and viscosity, for good: its corners belong to two pieces that part
+//! without a change of any tissue's volume, and a pressure that went on between them would push or pull across the open
+//! cut. Only the force goes; each particle keeps its mass. The energy the cell held at that moment goes with it.
+
+use super::springs::{Scratch, alike};
+use crate::kernel::dispatch::volume_forces;
+use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::rows::Absent;
+use crate::kernel::volume::{CellPlanes, CellStep, EachCell, SameCells};
+use crate::lattice::build::corners;
+use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
+use crate::lattice::{Lattice, NO_PARTICLE, Topology};
+use crate::material::VolumeTerm;
+
+/// Buffers of one worker thread.
+pub(super) struct CellScratch {
+    modulus: Halo,
+    viscosity: Halo,
+    planes: CellPlanes,
+    force: [[f32; BLOCK_LEN]; 3],
+}
+
+impl CellScratch {
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
+            modulus: [0.0; HALO_LEN],
+            viscosity: [0.0; HALO_LEN],
+            planes: CellPlanes::new(),
+            force: [[0.0; BLOCK_LEN]; 3],
+        })
+    }
+}
+
+/// Which body steps a block.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum BlockKind {
+    /// No cell that touches the block has a term, now or later.
+    Nothing,
+    /// Every cell that touches the block has these constants; viscosity 0 when nothing damps.
+    Alike { modulus: f32, viscosity: f32 },
+    /// Anything else.
+    General,
+}
+
+/// The volume terms of all cells of a world, in block order.
+#[derive(Debug, Clone)]
+pub(super) struct CellVolumes {
+    step: CellStep,
+    /// Modulus of the cell above each slot [Pa]; 0 where it adds nothing: not whole, or never had a modulus.
+    modulus: Vec<f32>,
+    /// Viscosity of the same [Pa s]; 0 wherever the modulus is.
+    viscosity: Option<Vec<f32>>,
+    kind: Vec<BlockKind>,
+}
+
+impl CellVolumes {
+    pub(super) fn new(
+        lattice: &Lattice,
+        layout: &BlockLayout,
+        topology: &Topology,
+        term: &VolumeTerm,
+        dt: f64,
+    ) -> Self {
+        let adds = |cell: u32| term.modulus[cell as usize] != 0.0 && topology.whole_cell(lattice, cell).is_some();
+        let to_slots = |values: &[f32]| {
+            assert_eq!(values.len(), lattice.len(), "one value per cell");
+            let mut slots = vec![0.0; layout.slots()];
+            for cell in (0..lattice.len() as u32).filter(|&cell| adds(cell)) {
+                slots[layout.slot[cell as usize] as usize] = values[cell as usize];
+            }
+            slots
+        };
+        let modulus = to_slots(&term.modulus);
+        let viscosity = term.viscosity.as_deref().map(to_slots);
+        let kind = (0..layout.blocks.len())
+            .map(|block| {
+                let same = alike(&modulus, layout, block);
+                let same_viscosity = viscosity.as_ref().map_or(Some(0.0), |values| alike(values, layout, block));
+                match (same, same_viscosity) {
+                    (Some(0.0), _) => BlockKind::Nothing,
+                    (Some(modulus), Some(viscosity)) => BlockKind::Alike { modulus, viscosity },
+                    _ => BlockKind::General,
+                }
+            })
+            .collect();
+        Self { step: CellStep::new(lattice.pitch, dt), modulus, viscosity, kind }
+    }
+
+    /// Takes the term from the cell above a particle; nothing happens when it has none.
+    pub(super) fn drop_cell(&mut self, lattice: &Lattice, layout: &BlockLayout, cell: u32) {
+        let slot = layout.slot[cell as usize] as usize;
+        if self.modulus[slot] == 0.0 {
+            return;
+        }
+        self.modulus[slot] = 0.0;
+        if let Some(viscosity) = &mut self.viscosity {
+            viscosity[slot] = 0.0;
+        }
+        // Cells with a term have all their corners; the blocks of these are the ones the cell touches.
+        for point in corners(lattice.grid.shape, lattice.points[cell as usize] as usize) {
+            let corner = lattice.particle_at[point];
+            debug_assert_ne!(corner, NO_PARTICLE);
+            self.kind[layout.slot[corner as usize] as usize / BLOCK_LEN] = BlockKind::General;
+        }
+    }
+
+    /// Lets every block that has cells take the general body.
+    pub(super) fn forget_alike_blocks(&mut self) {
+        for kind in self.kind.iter_mut().filter(|kind| **kind != BlockKind::Nothing) {
+            *kind = BlockKind::General;
+        }
+    }
+
+    /// Bytes held by the arrays of the cells.
+    pub(super) fn bytes(&self) -> usize {
+        4 * (self.modulus.len() + self.viscosity.as_ref().map_or(0, Vec::len))
+    }
+
+    /// Force of the cells on each slot of a block [N]; `None` when no cell touches it. See
+    /// [`crate::kernel::volume::block_volume_forces`].
+    ///
+    /// `scratch` holds the block's displacement (and velocity, when there is viscosity) with halo.
+    pub(super) fn forces<'a>(
+        &self,
+        layout: &BlockLayout,
+        block: usize,
+        scratch: &Scratch,
+        own: &'a mut CellScratch,
+    ) -> Option<&'a [[f32; BLOCK_LEN]; 3]> {
+        let (displacement, velocity) = (scratch.displacement.each_ref(), scratch.velocity.each_ref());
+        let neighbours = &layout.neighbours[block];
+        let CellScratch { modulus: modulus_halo, viscosity: viscosity_halo, planes, force } = own;
+        let step = self.step;
+        match (self.kind[block], &self.viscosity) {
+            (BlockKind::Nothing, _) => return None,
+            (BlockKind::Alike { modulus, .. }, None) => {
+                volume_forces(step, SameCells::new(modulus), Absent, displacement, velocity, planes, force);
+            }
+            (BlockKind::Alike { modulus, viscosity }, Some(_)) => {
+                let (modulus, viscosity) = (SameCells::new(modulus), SameCells::new(viscosity));
+                volume_forces(step, modulus, viscosity, displacement, velocity, planes, force);
+            }
+            (BlockKind::General, viscosity) => {
+                gather(&self.modulus, neighbours, modulus_halo);
+                let modulus = EachCell { cell: modulus_halo };
+                match viscosity {
+                    None => volume_forces(step, modulus, Absent, displacement, velocity, planes, force),
+                    Some(viscosity) => {
+                        gather(viscosity, neighbours, viscosity_halo);
+                        let viscosity = EachCell { cell: viscosity_halo };
+                        volume_forces(step, modulus, viscosity, displacement, velocity, planes, force);
+                    }
+                }
+            }
+        }
+        Some(force)
+    }
+}
