@@ -5,6 +5,7 @@
 
 mod drive;
 pub mod measure;
+mod slot_constants;
 mod springs;
 pub mod stable_dt;
 pub mod timeline;

@@ -3,9 +3,13 @@
 //! One particle gathers the forces of its 26 springs in the order of [`crate::lattice::neighbours::OFFSETS`], so the
 //! result depends neither on the number of threads nor on the instruction set. [`reference`] says what is computed,
 //! plainly and in f64; [`halo`] copies a block and one layer around it into a small buffer; [`rows`] is the fast body
-//! over that buffer; [`dispatch`] compiles it for several instruction sets and picks one at run time.
+//! over that buffer; [`dispatch`] compiles it for several instruction sets and picks one at run time. [`linear`] and
+//! [`tangent`] are its relatives for the stable step: the stiffness matrix at rest times a vector, and a bound on the
+//! tangent stiffness as the lattice stands now.
 
 pub mod dispatch;
 pub mod halo;
+pub mod linear;
 pub mod reference;
 pub mod rows;
+pub mod tangent;
