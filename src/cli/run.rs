@@ -83,7 +83,7 @@ pub(super) fn simulate(
     let seconds = watch.started.elapsed().as_secs_f64();
     let Watch { recorder, volume: (volume, inverted), .. } = watch;
     match driven {
-        Ok(()) => {
+        Ok(_) => {
             let mut recorder = recorder;
             let summary = format!(
                 "{:.4} s simulated in {seconds:.2} s: {:.1} million particle-steps/s with frames written; volume of whole cells {:+.3} %",

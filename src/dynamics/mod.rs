@@ -1,6 +1,7 @@
 //! The moving lattice: state, steps, what holds and drives it, and what can be measured of it.
 //!
-//! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once; [`timeline`] applies a scene's
+//! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once near
+//! rest and [`step_control`] divides the step when that is too far; [`timeline`] applies a scene's
 //! operations as their time comes; [`measure`] judges energy, momentum and volume in f64.
 
 mod drive;
@@ -8,6 +9,7 @@ pub mod measure;
 mod slot_constants;
 mod springs;
 pub mod stable_dt;
+pub mod step_control;
 pub mod timeline;
 mod world;
 

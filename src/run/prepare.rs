@@ -1,7 +1,7 @@
 //! From volumes to a lattice that is ready to move: organs, pitch, materials, time step.
 
 use crate::dynamics::World;
-use crate::dynamics::stable_dt::{SAFETY, stable_dt};
+use crate::dynamics::stable_dt::{Limits, SAFETY};
 use crate::geometry::Vector3;
 use crate::lattice::build::{Border, BuildLatticeError, NO_ORGAN, OrganMap, build};
 use crate::lattice::{Lattice, Topology};
@@ -15,6 +15,9 @@ use super::inputs::Inputs;
 
 /// Spacings that differ by less than this, relative, count as equal: headers store them as f32.
 const SAME_SPACING: f64 = 1e-4;
+
+/// A step that was asked for is refused only after looking for the true limit as hard as a run of so many steps would.
+const WORTH_REFUSING: f64 = 1e4;
 
 /// Why a scene cannot be turned into a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -82,8 +85,12 @@ pub struct Prepared {
 pub struct Schedule {
     /// Time step [s].
     pub dt: f64,
-    /// The largest stable step [s]; infinite when no spring limits it.
+    /// The largest step that is stable near rest [s]; infinite when no spring limits it.
     pub stable_dt: f64,
+    /// All limits of the rest state.
+    pub limits: Limits,
+    /// True when the scene asked for the step.
+    pub asked: bool,
     /// Steps in all.
     pub steps: u64,
     /// Frames after the first.
@@ -91,14 +98,26 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Chooses the step, or checks the one that is asked for.
+    /// Chooses the step, or checks the one that is asked for; `sharpen` looks for the true limit as far as that pays in a
+    /// run of so many steps.
     ///
     /// # Errors
     /// If the step asked for is larger than the stable one.
-    pub fn new(time: &TimeSpec, stable_dt: f64) -> Result<Self, PrepareError> {
+    pub fn new(
+        time: &TimeSpec,
+        at_rest: Limits,
+        sharpen: impl Fn(Limits, f64) -> Limits,
+    ) -> Result<Self, PrepareError> {
         let frames = time.frames as u64;
         let per_frame = time.duration / frames as f64;
         if let Some(asked) = time.dt {
+            // Only a step between both limits needs the true one.
+            let limits = if asked > at_rest.rest {
+                sharpen(at_rest, WORTH_REFUSING.max(time.duration / asked))
+            } else {
+                at_rest
+            };
+            let stable_dt = limits.sharp;
             if asked > stable_dt {
                 // Two digits, rounded down.
                 let scale = 10_f64.powf(stable_dt.log10().floor() - 1.0);
@@ -106,10 +125,13 @@ impl Schedule {
                 return Err(PrepareError::UnstableStep { asked, bound: stable_dt, suggested });
             }
             let steps = (time.duration / asked - 1e-6).ceil().max(1.0) as u64;
-            return Ok(Self { dt: asked, stable_dt, steps, frames });
+            return Ok(Self { dt: asked, stable_dt, limits, asked: true, steps, frames });
         }
-        let steps_per_frame = (per_frame / (SAFETY * stable_dt)).ceil().max(1.0);
-        Ok(Self { dt: per_frame / steps_per_frame, stable_dt, steps: frames * steps_per_frame as u64, frames })
+        let steps_of = |limit: f64| (per_frame / (SAFETY * limit)).ceil().max(1.0);
+        let limits = sharpen(at_rest, frames as f64 * steps_of(at_rest.rest));
+        let steps_per_frame = steps_of(limits.sharp);
+        let (dt, steps) = (per_frame / steps_per_frame, frames * steps_per_frame as u64);
+        Ok(Self { dt, stable_dt: limits.sharp, limits, asked: false, steps, frames })
     }
 
     /// After how many steps a frame is due; frame 0 is the start.
@@ -135,8 +157,10 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
     let rigid: Vec<bool> = scene.organs.iter().map(|organ| !soft(&organ.body)).collect();
     let lattice = build(&organs, border, &rigid)?;
     let assembly = assemble(scene, &lattice);
-    let bound = stable_dt(&lattice, &Topology::new(&lattice), &assembly);
-    let schedule = Schedule::new(&scene.time, bound)?;
+    let topology = Topology::new(&lattice);
+    let at_rest = Limits::at_rest(&lattice, &topology, &assembly);
+    let sharpen = |limits: Limits, steps: f64| limits.sharpen(&lattice, &topology, &assembly, steps);
+    let schedule = Schedule::new(&scene.time, at_rest, sharpen)?;
     Ok(Prepared { lattice, assembly, schedule })
 }
 
@@ -281,10 +305,16 @@ fn empty_organ(organ: &str, voxels: &VoxelSelection, inputs: &Inputs) -> Prepare
 mod tests {
     use super::*;
 
+    fn schedule(time: &TimeSpec, stable: f64) -> Result<Schedule, PrepareError> {
+        Schedule::new(time, Limits { promise: 0.6 * stable, rest: 0.9 * stable, sharp: 0.9 * stable }, |limits, _| {
+            Limits { sharp: stable, ..limits }
+        })
+    }
+
     #[test]
     fn the_step_divides_a_frame() {
         let time = TimeSpec { duration: 0.4, frames: 40, dt: None };
-        let schedule = Schedule::new(&time, 3.3e-4).unwrap();
+        let schedule = schedule(&time, 3.3e-4).unwrap();
         assert!(schedule.dt <= SAFETY * 3.3e-4);
         assert_eq!(schedule.steps % 40, 0);
         assert!((schedule.dt * schedule.steps as f64 - 0.4).abs() < 1e-12);
@@ -295,16 +325,16 @@ mod tests {
     #[test]
     fn an_unstable_step_is_refused_with_one_that_works() {
         let time = TimeSpec { duration: 0.4, frames: 40, dt: Some(1e-3) };
-        let error = Schedule::new(&time, 3.3e-4).unwrap_err();
+        let error = schedule(&time, 3.3e-4).unwrap_err();
         let PrepareError::UnstableStep { suggested, .. } = error else { panic!("{error}") };
-        assert!(Schedule::new(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
+        assert!(schedule(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
         assert!(error.to_string().contains("3.300e-4"), "{error}");
     }
 
     #[test]
     fn a_given_step_is_kept() {
         let time = TimeSpec { duration: 0.1, frames: 7, dt: Some(1e-3) };
-        let schedule = Schedule::new(&time, 2e-3).unwrap();
+        let schedule = schedule(&time, 2e-3).unwrap();
         assert_eq!((schedule.dt, schedule.steps), (1e-3, 100));
         assert_eq!(schedule.step_of_frame(7), 100);
     }

@@ -6,6 +6,8 @@
 //! `e lambda_max` with a probability below `1.648 sqrt(n) exp(-sqrt(e) (2 k - 1))` (J. Kuczynski and H. Wozniakowski,
 //! "Estimating the largest eigenvalue by the power and Lanczos algorithms with a random start", 1992).
 
+use std::cell::Cell;
+
 use rayon::prelude::*;
 
 use super::super::slot_constants::{SlotConstants, to_slots, with_law};
@@ -167,22 +169,22 @@ fn combine(assembly: &Assembly, particles: usize, of: impl Fn(f32, f32) -> f32) 
 
 /// `tau` when damping is `tau` times stiffness everywhere [s].
 fn damping_time(assembly: &Assembly, particles: usize) -> Option<f64> {
-    let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
-    let mut see = |k: f32, c: f32| {
+    let range = Cell::new((f64::INFINITY, 0.0_f64));
+    let see = |k: f32, c: f32| {
         if k != 0.0 || c != 0.0 {
             let time = f64::from(c) / f64::from(k);
-            low = low.min(time);
-            high = if time >= 0.0 { high.max(time) } else { f64::INFINITY };
+            let (low, high) = range.get();
+            range.set((low.min(time), if time >= 0.0 { high.max(time) } else { f64::INFINITY }));
         }
         0.0
     };
-    let see = std::cell::RefCell::new(&mut see);
-    combine(assembly, particles, |k, c| see.borrow_mut()(k, c));
+    combine(assembly, particles, see);
     if let Some(volume) = &assembly.volume {
         for (place, &k) in volume.modulus.iter().enumerate() {
-            see.borrow_mut()(k, volume.viscosity.as_ref().map_or(0.0, |viscosity| viscosity[place]));
+            see(k, volume.viscosity.as_ref().map_or(0.0, |viscosity| viscosity[place]));
         }
     }
+    let (low, high) = range.get();
     // f32 constants.
     (high.is_finite() && high - low <= 1e-5 * high).then_some(high)
 }
@@ -220,7 +222,8 @@ impl Lanczos {
         let zeros = || [0, 1, 2].map(|_| vec![0.0_f32; slots]);
         let mut current = zeros();
         for (axis, values) in current.iter_mut().enumerate() {
-            let free = values.par_iter_mut().zip(&operator.weight).enumerate().filter(|(_, (_, weight))| **weight > 0.0);
+            let free =
+                values.par_iter_mut().zip(&operator.weight).enumerate().filter(|(_, (_, weight))| **weight > 0.0);
             free.for_each(|(slot, (value, _))| *value = normal(3 * slot as u64 + axis as u64));
         }
         let mut lanczos =
@@ -290,7 +293,9 @@ fn normal(place: u64) -> f32 {
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
     };
-    let unit = |k: u64| ((mix((2 * place + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 11) + 1) as f64 / (1_u64 << 53) as f64;
+    let unit = |k: u64| {
+        ((mix((2 * place + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 11) + 1) as f64 / (1_u64 << 53) as f64
+    };
     ((-2.0 * unit(0).ln()).sqrt() * (std::f64::consts::TAU * unit(1)).cos()) as f32
 }
 
@@ -298,9 +303,8 @@ fn normal(place: u64) -> f32 {
 fn dot(a: &Field, b: &Field) -> f64 {
     let of_axis = |axis: usize| -> f64 {
         let chunks = a[axis].par_chunks(BLOCK_LEN).zip(b[axis].par_chunks(BLOCK_LEN));
-        let partial: Vec<f64> = chunks
-            .map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum())
-            .collect();
+        let partial: Vec<f64> =
+            chunks.map(|(a, b)| a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()).collect();
         partial.iter().sum()
     };
     (0..3).map(of_axis).sum()

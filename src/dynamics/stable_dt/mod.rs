@@ -36,12 +36,12 @@ pub(crate) use rest::{DampingTimes, damping_times, whole_moduli};
 /// of `lambda` within a few percent of strain, and the guard of [`super::step_control`] wants to see it coming.
 pub const SAFETY: f64 = 0.95;
 
-/// The largest step that is stable near rest, by the blocks alone [s]; infinite when no free particle has a spring.
+/// The step that springs allow at any rotation and stretch [s]: what to give a [`super::World`] that is stepped without
+/// [`super::step_control`]. Infinite when no free particle has a spring.
 ///
-/// Rigorous, O(particles). Large rotations and stretches can need half of it: see [`Limits`] for what holds at any, and
-/// [`super::step_control`] for what finds out in time.
+/// Rigorous for springs, O(particles); volume terms count as they are while faces of cells do not grow, see [`Limits`].
 pub fn stable_dt(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> f64 {
-    Limits::at_rest(lattice, topology, assembly).rest
+    Limits::at_rest(lattice, topology, assembly).promise
 }
 
 /// The largest stable steps of a lattice [s]; infinite when no spring limits them. See the module for what each promises.

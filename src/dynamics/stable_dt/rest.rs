@@ -300,7 +300,7 @@ pub(super) fn largest_eigenvalue(m: &Symmetric) -> f64 {
     // lambda = mean + 2 p cos(phi), with phi in 0..pi/3, so mean + 2 p is above it.
     let square = (x * x + y * y + z * z + 2.0 * (yz * yz + xz * xz + xy * xy)) / 6.0;
     let p = square.sqrt();
-    if !(p > 1e-12 * mean) {
+    if p <= 1e-12 * mean {
         return mean + 2.0 * p;
     }
     let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
