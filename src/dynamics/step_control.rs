@@ -10,7 +10,8 @@
 //! rest plus what the blocks of [`crate::kernel::tangent`] have gained since. The blocks alone are a rigorous bound for
 //! any shape; that their gain bounds the gain of the whole is Weyl's inequality where stiffness is added, and an
 //! approximation where springs turn against each other. Where the blocks are exact at rest (inside any uniform lattice)
-//! both are the same. Not counted: what dampers of fast springs add sideways, and the rest of the step before the shape
+//! both are the same. Besides, neighbours part by at most a quarter of a pitch in a step, as far as dividing goes. Not
+//! counted: what dampers of fast springs add sideways, and the rest of the step before the shape
 //! is looked at again, which is why that happens while there is still room.
 //!
 //! Same world, same calls: same decisions, at any number of threads.
@@ -33,6 +34,9 @@ const TOLERATED: f64 = 0.99;
 const GROWTH: [f64; 2] = [2.0, 6.0];
 /// The shape is looked at again when neighbours may have parted by so much since [pitches]: no sooner, no later.
 const LOOK_AGAIN: [f64; 2] = [0.01, 0.1];
+/// Neighbours may part or meet by so much in a step [pitches]: what moves faster than its waves is resolved, or the
+/// energy of a collapse would come out wrong.
+const PARTING: f64 = 0.25;
 /// A step divided into more parts than this is refused.
 pub const MOST_PARTS: u64 = 64;
 
@@ -124,7 +128,7 @@ impl StepControl {
         if interval.left == 0 {
             return Ok(false);
         }
-        let limit = self.limit(world, interval.dt);
+        let limit = self.limit(world, interval.dt).min(parting_limit(world).max(interval.dt / MOST_PARTS as f64));
         let begins = !std::mem::replace(&mut interval.begun, true);
         let dt = world.dt();
         let fits = dt <= TOLERATED * limit;
@@ -188,9 +192,8 @@ impl StepControl {
     pub fn look(&mut self, world: &World) -> f64 {
         let now = self.blocks_limit(world);
         let square = |dt: f64| (1.0 / dt).powi(2);
-        let Limits { promise, rest, sharp } = self.limits;
-        let limit = 1.0 / (square(sharp) + (square(now) - square(rest)).max(0.0)).sqrt();
-        if self.modulus.is_none() { limit.max(promise.min(sharp)) } else { limit }
+        let Limits { rest, sharp, .. } = self.limits;
+        1.0 / (square(sharp) + (square(now) - square(rest)).max(0.0)).sqrt()
     }
 
     /// The rigorous limit of the present shape, by the blocks alone [s].
@@ -278,6 +281,15 @@ impl StepControl {
         }
         self.severed = severed.len();
     }
+}
+
+/// The step in which the fastest neighbours part by [`PARTING`] [s]. Free while everything is slow.
+fn parting_limit(world: &World) -> f64 {
+    let most = PARTING * world.lattice().pitch;
+    if 2.0 * world.longest_move() <= most {
+        return f64::INFINITY;
+    }
+    most / world.fastest_parting(most / world.dt())
 }
 
 struct Buffers {

@@ -364,6 +364,18 @@ impl World {
         })
     }
 
+    /// The largest speed at which joined particles part or meet [m/s]; `slow` or less when none is faster than that.
+    pub(super) fn fastest_parting(&self, slow: f64) -> f64 {
+        let blocks = self.layout.blocks.len();
+        let spans: Vec<VelocitySpan> = (0..blocks).into_par_iter().map(|block| self.velocity_span(block)).collect();
+        let of_block = |block: usize| {
+            let around = self.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
+            let span = around.fold(VelocitySpan::EMPTY, |span, &other| span.joined(spans[other as usize]));
+            if span.width() <= slow { slow } else { self.parting(block, true).map_or(slow, |(speed, _)| speed) }
+        };
+        (0..blocks).into_par_iter().map(of_block).reduce(|| 0.0, f64::max)
+    }
+
     /// Smallest and largest velocity of a block's particles that have springs.
     fn velocity_span(&self, block: usize) -> VelocitySpan {
         let alive = self.springs.alive(block);

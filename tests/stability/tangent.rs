@@ -8,14 +8,14 @@ use yawara::lattice::{Lattice, Topology};
 use yawara::material::Assembly;
 
 /// Matrices over the free particles' degrees of freedom, scaled by `M^-1/2` on both sides.
-pub struct Dense {
+pub(super) struct Dense {
     stiffness: DMatrix<f64>,
     damping: DMatrix<f64>,
 }
 
 /// How springs and cells with negative contributions are taken.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Sign {
+pub(super) enum Sign {
     /// As they are.
     True,
     /// Compressed springs push nothing aside.
@@ -23,7 +23,7 @@ pub enum Sign {
 }
 
 impl Dense {
-    pub fn new(
+    pub(super) fn new(
         lattice: &Lattice,
         topology: &Topology,
         assembly: &Assembly,
@@ -32,8 +32,7 @@ impl Dense {
     ) -> Self {
         let mut free = vec![usize::MAX; lattice.len()];
         let mut count = 0;
-        for (particle, place) in free.iter_mut().enumerate().filter(|(p, _)| assembly.mass[*p] > 0.0) {
-            let _ = particle;
+        for (_, place) in free.iter_mut().enumerate().filter(|(p, _)| assembly.mass[*p] > 0.0) {
             *place = count;
             count += 1;
         }
@@ -103,18 +102,18 @@ impl Dense {
     }
 
     /// At rest.
-    pub fn at_rest(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> Self {
+    pub(super) fn at_rest(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> Self {
         Self::new(lattice, topology, assembly, &vec![Vector3::zeros(); lattice.len()], Sign::True)
     }
 
     /// Largest eigenvalue of `M^-1 (dt^2 K + 2 dt C)`: stable below 4.
-    pub fn lambda(&self, dt: f64) -> f64 {
+    pub(super) fn lambda(&self, dt: f64) -> f64 {
         let both = &self.stiffness * dt * dt + &self.damping * (2.0 * dt);
         both.symmetric_eigenvalues().max()
     }
 
     /// The limit of symplectic Euler with dampers read at the old velocity [s].
-    pub fn limit(&self, start: f64) -> f64 {
+    pub(super) fn limit(&self, start: f64) -> f64 {
         let mut dt = start;
         for _ in 0..8 {
             let lambda = self.lambda(dt);
@@ -131,7 +130,7 @@ impl Dense {
 }
 
 /// The corners of the cell above a particle, if all 28 springs are alive.
-pub fn whole_cell(lattice: &Lattice, topology: &Topology, low: u32) -> Option<[u32; 8]> {
+pub(super) fn whole_cell(lattice: &Lattice, topology: &Topology, low: u32) -> Option<[u32; 8]> {
     let side = |c: usize| [c as i32 & 1, c as i32 >> 1 & 1, c as i32 >> 2];
     let mut corner = [low; 8];
     for c in 1..8 {

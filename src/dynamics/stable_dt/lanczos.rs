@@ -25,11 +25,27 @@ const PRICE: f64 = 1.5;
 const ROUND: usize = 5;
 /// Beyond this many nothing is left to gain.
 const MOST: usize = 300;
+/// Without proportional damping each round only gets to the root of what is left.
+const ROUNDS: usize = 6;
 /// The limit may be too large with this probability.
 const RISK: f64 = 1e-6;
 
 /// A larger limit than `rest`, as far as looking for it pays in a run of `steps` [s].
 pub(super) fn sharpened(lattice: &Lattice, topology: &Topology, assembly: &Assembly, rest: f64, steps: f64) -> f64 {
+    let proportional = damping_time(assembly, lattice.len()).is_some();
+    let mut limit = rest;
+    for _ in 0..if proportional { 1 } else { ROUNDS } {
+        let before = limit;
+        limit = once(lattice, topology, assembly, before, steps * rest / before);
+        if limit < 1.01 * before {
+            break;
+        }
+    }
+    limit
+}
+
+/// One round from a limit that is known.
+fn once(lattice: &Lattice, topology: &Topology, assembly: &Assembly, rest: f64, steps: f64) -> f64 {
     if steps < 4.0 * PRICE * ROUND as f64 {
         return rest;
     }
