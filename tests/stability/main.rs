@@ -5,7 +5,6 @@ mod support;
 
 mod guard;
 mod limits;
-mod measure_tmp;
 mod tangent;
 
 use support::*;
