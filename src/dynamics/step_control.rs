@@ -128,8 +128,13 @@ impl StepControl {
         if interval.left == 0 {
             return Ok(false);
         }
-        let limit =
-            self.limit(world, interval.dt).min(parting_limit(world, interval.dt).max(interval.dt / MOST_PARTS as f64));
+        // Fast motion is resolved as far as dividing goes; only what would be unstable is refused.
+        let finest = interval.dt / (SAFETY * (MOST_PARTS as f64 - 1.0));
+        let mut limit = self.limit(world, interval.dt);
+        if self.modulus.is_none() {
+            limit = limit.max(finest.min(self.limits.promise));
+        }
+        let limit = limit.min(parting_limit(world, interval.dt).max(finest));
         let begins = !std::mem::replace(&mut interval.begun, true);
         let dt = world.dt();
         let fits = dt <= TOLERATED * limit;

@@ -32,7 +32,7 @@ fn random_lattice(seed: u64) -> (Lattice, Assembly) {
         |youngs_modulus: f64, ratio: f64| TissueBody { youngs_modulus, damping: Damping::Ratio(ratio), ..TISSUE };
     let (a, b) = (ratio(&mut random), ratio(&mut random));
     let (lattice, mut assembly) = tissue_lattice(&map, &[Some(body(5e3, a)), Some(body(5e3 * contrast, b))]);
-    add_volume(&mut assembly, &mut random, seed % 3 != 0);
+    add_volume(&mut assembly, &mut random, !seed.is_multiple_of(3));
     (lattice, assembly)
 }
 
