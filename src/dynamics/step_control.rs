@@ -33,7 +33,7 @@ const TOLERATED: f64 = 0.99;
 /// `s` adds 1.5 s) and cells (`|cof F|^2` grows with the fourth power).
 const GROWTH: [f64; 2] = [2.0, 6.0];
 /// The shape is looked at again when neighbours may have parted by so much since [pitches]: no sooner, no later.
-const LOOK_AGAIN: [f64; 2] = [0.01, 0.1];
+const LOOK_AGAIN: [f64; 2] = [0.03, 0.15];
 /// Neighbours may part or meet by so much in a step [pitches]: what moves faster than its waves is resolved, or the
 /// energy of a collapse would come out wrong.
 const PARTING: f64 = 0.25;
