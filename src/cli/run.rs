@@ -11,8 +11,8 @@ use super::exit::Outcome;
 use super::messages::Messages;
 use super::progress;
 use super::source::Source;
+use crate::dynamics::World;
 use crate::dynamics::timeline::{Event, Timeline, What};
-use crate::dynamics::{StepError, World};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
@@ -106,15 +106,14 @@ pub(super) fn simulate(
         messages.warning("whole cells changed their volume by more than 5 %; tissue hardly does that");
     }
     match driven {
-        Ok(()) => {
+        Ok(_) => {
             recorder.finish(Status::Complete)?;
             messages.note(format_args!("run: {}", output.display()));
             Ok(Outcome::Done)
         }
         Err(DriveError::Step(error)) => {
             let lattice = world.lattice();
-            let StepError::Diverged { place, .. } = &error;
-            let index = lattice.grid.affine.index_of(*place);
+            let index = lattice.grid.affine.index_of(error.place());
             let ijk = [index.x, index.y, index.z].map(|i| i.round() as usize);
             let particle = lattice.particle_at[lattice.grid.shape.linear(ijk)];
             let organ = organ_name(lattice, particle, recorder.organs());

@@ -1,13 +1,16 @@
 //! The moving lattice: state, steps, what holds and drives it, and what can be measured of it.
 //!
-//! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once; [`timeline`] applies a scene's
+//! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once near
+//! rest and [`step_control`] divides the step when that is too far; [`timeline`] applies a scene's
 //! operations as their time comes; [`measure`] judges energy, momentum and volume in f64.
 
 mod drive;
 pub mod measure;
 mod rigid;
+mod slot_constants;
 mod springs;
 pub mod stable_dt;
+pub mod step_control;
 pub mod timeline;
 mod volume;
 mod world;

@@ -88,6 +88,11 @@ impl CellVolumes {
         Self { step: CellStep::new(lattice.pitch, dt), modulus, viscosity, kind }
     }
 
+    /// Takes another time step from now on. [m, s]
+    pub(super) fn set_dt(&mut self, pitch: f64, dt: f64) {
+        self.step = CellStep::new(pitch, dt);
+    }
+
     /// Takes the term from the cell above a particle; nothing happens when it has none.
     pub(super) fn drop_cell(&mut self, lattice: &Lattice, layout: &BlockLayout, cell: u32) {
         let slot = layout.slot[cell as usize] as usize;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::drive::{Claims, Drive};
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
+use super::stable_dt::Limits;
 use super::volume::{CellScratch, CellVolumes};
 use crate::cut::{Sweep, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
@@ -45,6 +46,32 @@ pub enum StepError {
         /// What is likely to have gone wrong, and what to do.
         cause: String,
     },
+    /// The tissue is deformed so far that hardly any step is stable.
+    #[error(
+        "the tissue is too stiff to go on at t = {time:.6} s near ({:.1}, {:.1}, {:.1}) mm: deformed as it is, it allows steps \
+         of {limit:.3e} s, and a planned step is divided into at most {most_parts} parts; something squeezes or stretches \
+         it beyond what it can follow: lower the force, give the motion more time, or refine lattice.pitch",
+        place.x, place.y, place.z
+    )]
+    TooStiff {
+        /// When [s].
+        time: f64,
+        /// Rest place of the stiffest particle, RAS+ [mm].
+        place: Point3,
+        /// The largest step that is stable there [s].
+        limit: f64,
+        /// Largest number of parts.
+        most_parts: u64,
+    },
+}
+
+impl StepError {
+    /// Rest place of the particle where it began, RAS+ [mm].
+    pub fn place(&self) -> Point3 {
+        match self {
+            Self::Diverged { place, .. } | Self::TooStiff { place, .. } => *place,
+        }
+    }
 }
 
 /// Where the particles of a world were at some moment.
@@ -86,6 +113,8 @@ pub struct World {
     pub(super) gravity: Vector3,
     dt: f64,
     steps: u64,
+    /// Time and number of steps when the step was last changed.
+    since: (f64, u64),
     /// Largest squared speed in the last step [m^2/s^2].
     fastest_squared: f32,
 }
@@ -127,6 +156,7 @@ impl World {
             gravity: Vector3::zeros(),
             dt,
             steps: 0,
+            since: (0.0, 0),
             fastest_squared: 0.0,
             lattice,
             topology,
@@ -174,7 +204,39 @@ impl World {
 
     /// Simulated time [s].
     pub fn time(&self) -> f64 {
-        self.steps as f64 * self.dt
+        self.since.0 + (self.steps - self.since.1) as f64 * self.dt
+    }
+
+    /// Changes the time step from the next step on [s]. O(particles) unless it stays the same.
+    ///
+    /// # Panics
+    /// If `dt` is not positive.
+    pub fn set_dt(&mut self, dt: f64) {
+        assert!(dt > 0.0 && dt.is_finite(), "the step is a positive time");
+        if dt == self.dt {
+            return;
+        }
+        self.since = (self.time(), self.steps);
+        self.dt = dt;
+        if let Some(cells) = &mut self.cells {
+            cells.set_dt(self.lattice.pitch, dt);
+        }
+        for (particle, &slot) in self.layout.slot.iter().enumerate() {
+            let weight = &mut self.dt_over_mass[slot as usize];
+            // Held and rigid particles keep their 0.
+            if *weight > 0.0 {
+                *weight = (dt / f64::from(self.assembly.mass[particle])) as f32;
+            }
+        }
+    }
+
+    /// Living springs of a block's slots, one bit per direction.
+    pub(super) fn living_springs(&self, block: usize) -> &[u32; BLOCK_LEN] {
+        self.springs.alive(block)
+    }
+
+    pub(super) fn too_stiff(&self, limit: f64, particle: u32, most_parts: u64) -> StepError {
+        StepError::TooStiff { time: self.time(), place: self.lattice.rest_place(particle), limit, most_parts }
     }
 
     /// Sets the acceleration of every free particle, RAS+ [m/s^2].
@@ -360,6 +422,18 @@ impl World {
         })
     }
 
+    /// The largest speed at which joined particles part or meet [m/s]; `slow` or less when none is faster than that.
+    pub(super) fn fastest_parting(&self, slow: f64) -> f64 {
+        let blocks = self.layout.blocks.len();
+        let spans: Vec<VelocitySpan> = (0..blocks).into_par_iter().map(|block| self.velocity_span(block)).collect();
+        let of_block = |block: usize| {
+            let around = self.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
+            let span = around.fold(VelocitySpan::EMPTY, |span, &other| span.joined(spans[other as usize]));
+            if span.width() <= slow { slow } else { self.parting(block, true).map_or(slow, |(speed, _)| speed) }
+        };
+        (0..blocks).into_par_iter().map(of_block).reduce(|| 0.0, f64::max)
+    }
+
     /// Smallest and largest velocity of a block's particles that have springs.
     fn velocity_span(&self, block: usize) -> VelocitySpan {
         let alive = self.springs.alive(block);
@@ -396,7 +470,9 @@ impl World {
     }
 
     fn likely_cause(&self) -> String {
-        let bound = super::stable_dt::stable_dt(&self.lattice, &self.topology, &self.assembly);
+        let limits = Limits::at_rest(&self.lattice, &self.topology, &self.assembly);
+        // As close as it gets, in the time of a few hundred steps.
+        let bound = limits.sharpen(&self.lattice, &self.topology, &self.assembly, 1e4).sharp;
         if self.dt > bound {
             format!(
                 "the step is {:.2} times the stable one ({bound:.3e} s): ask for a smaller time.dt or leave it out",

@@ -4,10 +4,13 @@
 //! result depends neither on the number of threads nor on the instruction set. [`reference`] says what is computed,
 //! plainly and in f64; [`halo`] copies a block and one layer around it into a small buffer; [`volume`] and [`rows`] are
 //! the fast bodies over that buffer, of the cells and of the springs; [`dispatch`] compiles them for several instruction
-//! sets and picks one at run time.
+//! sets and picks one at run time. [`linear`] and [`tangent`] are their relatives for the stable step: the stiffness
+//! matrix at rest times a vector, and a bound on the tangent stiffness as the lattice stands now.
 
 pub mod dispatch;
 pub mod halo;
+pub mod linear;
 pub mod reference;
 pub mod rows;
+pub mod tangent;
 pub mod volume;

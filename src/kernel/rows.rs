@@ -23,7 +23,7 @@ pub const LANES: usize = BLOCK[0];
 /// One value per particle of a row.
 pub type Lanes = [f32; LANES];
 /// Squared length below which a spring is taken as having this length: keeps a collapsed spring finite [m^2].
-const SHORTEST_SQUARED: f32 = 1e-30;
+pub(super) const SHORTEST_SQUARED: f32 = 1e-30;
 
 /// Where the constant of a spring (stiffness or damping) comes from. Chosen per block, never inside the loop.
 pub trait SpringConstant: Copy {
@@ -389,12 +389,12 @@ fn add_spring<const D: usize, K: SpringConstant, C: SpringConstant, A: Alive, F:
 }
 
 /// Which of the nine rows around (x fastest taken out) holds the neighbour in direction `d`.
-const fn row_of(d: usize) -> usize {
+pub(super) const fn row_of(d: usize) -> usize {
     ((OFFSETS[d][2] + 1) * 3 + OFFSETS[d][1] + 1) as usize
 }
 
 /// Column of the neighbour of lane 0 in its halo row.
-const fn column_of(d: usize) -> usize {
+pub(super) const fn column_of(d: usize) -> usize {
     (OFFSETS[d][0] + 1) as usize
 }
 
@@ -403,7 +403,7 @@ const fn rest_of(d: usize) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn rows_around(halo: &Halo, y: usize, z: usize) -> [&[f32; HALO_ROW]; 9] {
+pub(super) fn rows_around(halo: &Halo, y: usize, z: usize) -> [&[f32; HALO_ROW]; 9] {
     std::array::from_fn(|place| {
         let start = halo_row(y as isize + (place % 3) as isize - 1, z as isize + (place / 3) as isize - 1);
         halo[start..start + HALO_ROW].try_into().expect("a row's length")
@@ -411,13 +411,13 @@ fn rows_around(halo: &Halo, y: usize, z: usize) -> [&[f32; HALO_ROW]; 9] {
 }
 
 #[inline(always)]
-fn row_of_block<T>(block: &[T; BLOCK_LEN], y: usize, z: usize) -> &[T; LANES] {
+pub(super) fn row_of_block<T>(block: &[T; BLOCK_LEN], y: usize, z: usize) -> &[T; LANES] {
     let start = (z * BLOCK[1] + y) * LANES;
     block[start..start + LANES].try_into().expect("a row's length")
 }
 
 #[inline(always)]
-fn row_of_block_mut<T>(block: &mut [T; BLOCK_LEN], y: usize, z: usize) -> &mut [T; LANES] {
+pub(super) fn row_of_block_mut<T>(block: &mut [T; BLOCK_LEN], y: usize, z: usize) -> &mut [T; LANES] {
     let start = (z * BLOCK[1] + y) * LANES;
     (&mut block[start..start + LANES]).try_into().expect("a row's length")
 }

@@ -2,6 +2,7 @@
 
 use super::prepare::Schedule;
 use crate::dynamics::measure::{Balance, CellVolume, balance, cell_volume};
+use crate::dynamics::step_control::{Interval, StepControl, StepCounts};
 use crate::dynamics::timeline::{Event, Timeline};
 use crate::dynamics::{StepError, World};
 
@@ -38,7 +39,7 @@ pub trait Observer {
         Ok(())
     }
 
-    /// A step was taken. Called often: to be cheap.
+    /// A step was taken, planned or divided. Called often: to be cheap.
     fn step(&mut self, _world: &World) {}
 }
 
@@ -60,27 +61,41 @@ pub enum DriveError<E> {
 
 /// Runs a schedule: operations, steps, frames. Frame 0 shows the world as it is handed in.
 ///
+/// The step of the schedule is divided where the tissue is deformed too far for it, see [`step_control`]; operations
+/// follow the shorter steps, frames come when they are due.
+///
 /// # Errors
 /// If the state diverges, or the observer fails. The world is left where the run ended.
+///
+/// [`step_control`]: crate::dynamics::step_control
 pub fn drive<O: Observer>(
     world: &mut World,
     timeline: &mut Timeline,
     schedule: &Schedule,
     observer: &mut O,
-) -> Result<(), DriveError<O::Error>> {
+) -> Result<StepCounts, DriveError<O::Error>> {
+    let mut control = StepControl::new(world, schedule.limits);
     let show = |number: u64, world: &World, observer: &mut O| {
         let volume = cell_volume(world.lattice(), world.topology(), |particle| world.displacement(particle));
         let frame = Frame { number, world, balance: balance(world), volume };
         observer.frame(&frame).map_err(DriveError::Observer)
     };
     show(0, world, observer)?;
+    let mut planned = 0;
     for number in 1..=schedule.frames {
-        while world.steps() < schedule.step_of_frame(number) {
-            for event in timeline.advance(world) {
-                observer.event(&event).map_err(DriveError::Observer)?;
+        let due = schedule.step_of_frame(number);
+        while planned < due {
+            let steps = if schedule.asked { 1 } else { due - planned };
+            planned += steps;
+            let mut interval = Interval::new(planned as f64 * schedule.dt, schedule.dt, steps);
+            while control.plan(world, &mut interval)? {
+                for event in timeline.advance(world) {
+                    observer.event(&event).map_err(DriveError::Observer)?;
+                }
+                world.step()?;
+                control.stepped(world, &mut interval);
+                observer.step(world);
             }
-            world.step()?;
-            observer.step(world);
         }
         if number == schedule.frames {
             for event in timeline.finish(world) {
@@ -89,5 +104,5 @@ pub fn drive<O: Observer>(
         }
         show(number, world, observer)?;
     }
-    Ok(())
+    Ok(control.counts())
 }

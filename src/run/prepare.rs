@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::dynamics::World;
-use crate::dynamics::stable_dt::{SAFETY, stable_dt};
+use crate::dynamics::stable_dt::{Limits, SAFETY};
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::build::{BuildLatticeError, build};
 use crate::lattice::cells::build_cells;
@@ -19,6 +19,9 @@ use super::range;
 
 /// More steps than this would take years: as many as a scene may ask for by its own step.
 const MOST_STEPS: f64 = 1e12;
+
+/// A step that was asked for is refused only after looking for the true limit as hard as a run of so many steps would.
+const WORTH_REFUSING: f64 = 1e4;
 
 /// Why a scene cannot be turned into a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -128,8 +131,12 @@ pub struct Prepared {
 pub struct Schedule {
     /// Time step [s].
     pub dt: f64,
-    /// The largest stable step [s]; infinite when no spring limits it.
+    /// The largest step that is stable near rest [s]; infinite when no spring limits it.
     pub stable_dt: f64,
+    /// All limits of the rest state.
+    pub limits: Limits,
+    /// True when the scene asked for the step.
+    pub asked: bool,
     /// Steps in all.
     pub steps: u64,
     /// Frames after the first.
@@ -137,14 +144,26 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Chooses the step, or checks the one that is asked for.
+    /// Chooses the step, or checks the one that is asked for; `sharpen` looks for the true limit as far as that pays in a
+    /// run of so many steps.
     ///
     /// # Errors
     /// If the step asked for is larger than the stable one.
-    pub fn new(time: &TimeSpec, stable_dt: f64) -> Result<Self, PrepareError> {
+    pub fn new(
+        time: &TimeSpec,
+        at_rest: Limits,
+        sharpen: impl Fn(Limits, f64) -> Limits,
+    ) -> Result<Self, PrepareError> {
         let frames = time.frames as u64;
         let per_frame = time.duration / frames as f64;
         if let Some(asked) = time.dt {
+            // Only a step between both limits needs the true one.
+            let limits = if asked > at_rest.rest {
+                sharpen(at_rest, WORTH_REFUSING.max(time.duration / asked))
+            } else {
+                at_rest
+            };
+            let stable_dt = limits.sharp;
             if asked > stable_dt {
                 // Two digits, rounded down.
                 let scale = 10_f64.powf(stable_dt.log10().floor() - 1.0);
@@ -152,14 +171,17 @@ impl Schedule {
                 return Err(PrepareError::UnstableStep { asked, bound: stable_dt, suggested });
             }
             let steps = (time.duration / asked - 1e-6).ceil().max(1.0) as u64;
-            return Ok(Self { dt: asked, stable_dt, steps, frames });
+            return Ok(Self { dt: asked, stable_dt, limits, asked: true, steps, frames });
         }
-        let steps_per_frame = (per_frame / (SAFETY * stable_dt)).ceil().max(1.0);
+        let steps_of = |limit: f64| (per_frame / (SAFETY * limit)).ceil().max(1.0);
+        let limits = sharpen(at_rest, frames as f64 * steps_of(at_rest.rest));
+        let steps_per_frame = steps_of(limits.sharp);
         let steps = frames as f64 * steps_per_frame;
         if steps > MOST_STEPS {
-            return Err(PrepareError::TooManySteps { duration: time.duration, steps, bound: stable_dt });
+            return Err(PrepareError::TooManySteps { duration: time.duration, steps, bound: limits.sharp });
         }
-        Ok(Self { dt: per_frame / steps_per_frame, stable_dt, steps: frames * steps_per_frame as u64, frames })
+        let (dt, steps) = (per_frame / steps_per_frame, frames * steps_per_frame as u64);
+        Ok(Self { dt, stable_dt: limits.sharp, limits, asked: false, steps, frames })
     }
 
     /// After how many steps a frame is due; frame 0 is the start.
@@ -183,12 +205,14 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
         Model::Tissue => build_cells(&map, fill.as_ref())?,
     };
     let assembly = assemble(scene, inputs, &native, &lattice)?;
-    let bound = stable_dt(&lattice, &Topology::new(&lattice), &assembly);
     let rigid: Vec<bool> = scene.organs.iter().map(|organ| !soft(&organ.body)).collect();
     let names: Vec<&str> = scene.organs.iter().map(|organ| organ.name.as_str()).collect();
-    // Infinite or zero constants first: they make the bound meaningless.
+    // Infinite or zero constants first: they make the limits meaningless.
     range::check(&lattice, &assembly, &names, &rigid, scene.time.dt.unwrap_or(0.0))?;
-    let schedule = Schedule::new(&scene.time, bound)?;
+    let topology = Topology::new(&lattice);
+    let at_rest = Limits::at_rest(&lattice, &topology, &assembly);
+    let sharpen = |limits: Limits, steps: f64| limits.sharpen(&lattice, &topology, &assembly, steps);
+    let schedule = Schedule::new(&scene.time, at_rest, sharpen)?;
     range::check(&lattice, &assembly, &names, &rigid, schedule.dt)?;
     Ok(Prepared { lattice, assembly, schedule })
 }
@@ -206,10 +230,16 @@ impl Prepared {
 mod tests {
     use super::*;
 
+    fn schedule(time: &TimeSpec, stable: f64) -> Result<Schedule, PrepareError> {
+        Schedule::new(time, Limits { promise: 0.6 * stable, rest: 0.9 * stable, sharp: 0.9 * stable }, |limits, _| {
+            Limits { sharp: stable, ..limits }
+        })
+    }
+
     #[test]
     fn the_step_divides_a_frame() {
         let time = TimeSpec { duration: 0.4, frames: 40, dt: None };
-        let schedule = Schedule::new(&time, 3.3e-4).unwrap();
+        let schedule = schedule(&time, 3.3e-4).unwrap();
         assert!(schedule.dt <= SAFETY * 3.3e-4);
         assert_eq!(schedule.steps % 40, 0);
         assert!((schedule.dt * schedule.steps as f64 - 0.4).abs() < 1e-12);
@@ -220,23 +250,23 @@ mod tests {
     #[test]
     fn an_unstable_step_is_refused_with_one_that_works() {
         let time = TimeSpec { duration: 0.4, frames: 40, dt: Some(1e-3) };
-        let error = Schedule::new(&time, 3.3e-4).unwrap_err();
+        let error = schedule(&time, 3.3e-4).unwrap_err();
         let PrepareError::UnstableStep { suggested, .. } = error else { panic!("{error}") };
-        assert!(Schedule::new(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
+        assert!(schedule(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
         assert!(error.to_string().contains("3.300e-4"), "{error}");
     }
 
     #[test]
     fn a_run_without_end_is_refused() {
         let time = TimeSpec { duration: 1e300, frames: 40, dt: None };
-        let error = Schedule::new(&time, 1e-3).unwrap_err().to_string();
+        let error = schedule(&time, 1e-3).unwrap_err().to_string();
         assert!(["1e300", "steps", "1.000e-3", "1e12"].iter().all(|part| error.contains(part)), "{error}");
     }
 
     #[test]
     fn a_given_step_is_kept() {
         let time = TimeSpec { duration: 0.1, frames: 7, dt: Some(1e-3) };
-        let schedule = Schedule::new(&time, 2e-3).unwrap();
+        let schedule = schedule(&time, 2e-3).unwrap();
         assert_eq!((schedule.dt, schedule.steps), (1e-3, 100));
         assert_eq!(schedule.step_of_frame(7), 100);
     }

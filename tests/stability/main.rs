@@ -3,6 +3,10 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod guard;
+mod limits;
+mod tangent;
+
 use support::*;
 use yawara::dynamics::measure::balance;
 use yawara::dynamics::{StepError, World};

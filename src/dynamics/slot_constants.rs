@@ -1,0 +1,62 @@
+//! One constant per spring in block order, for what judges a world from outside its step.
+
+use crate::kernel::halo::{Halo, gather};
+use crate::lattice::layout::BlockLayout;
+use crate::material::SpringConstants;
+
+/// [`SpringConstants`] with per-particle and per-cell values moved to their slots.
+pub(super) enum SlotConstants {
+    Uniform(f32),
+    MeanOfEnds(Vec<f32>),
+    SumOfCells { cell: Vec<f32>, weight: [f32; 3] },
+}
+
+impl SlotConstants {
+    pub(super) fn new(layout: &BlockLayout, constants: &SpringConstants) -> Self {
+        match constants {
+            SpringConstants::Uniform(value) => Self::Uniform(*value),
+            SpringConstants::MeanOfEnds(values) => Self::MeanOfEnds(to_slots(layout, values)),
+            SpringConstants::SumOfCells { cell, weight } => {
+                Self::SumOfCells { cell: to_slots(layout, cell), weight: *weight }
+            }
+        }
+    }
+
+    /// Copies what a block needs into a halo buffer.
+    pub(super) fn gather(&self, neighbours: &[u32; 27], halo: &mut Halo) {
+        match self {
+            Self::Uniform(_) => {}
+            Self::MeanOfEnds(values) | Self::SumOfCells { cell: values, .. } => gather(values, neighbours, halo),
+        }
+    }
+}
+
+/// Moves one value per particle to its slot; 0 elsewhere.
+pub(super) fn to_slots(layout: &BlockLayout, values: &[f32]) -> Vec<f32> {
+    let mut slots = vec![0.0; layout.slots()];
+    for (&slot, &value) in layout.slot.iter().zip(values) {
+        slots[slot as usize] = value;
+    }
+    slots
+}
+
+/// Calls a kernel with the law of a block, gathered before.
+macro_rules! with_law {
+    ($constants:expr, $halo:expr, |$law:ident| $call:expr) => {
+        match $constants {
+            SlotConstants::Uniform(value) => {
+                let $law = crate::kernel::rows::Uniform { by_family: [*value; 3] };
+                $call
+            }
+            SlotConstants::MeanOfEnds(_) => {
+                let $law = crate::kernel::rows::MeanOfEnds { particle: $halo };
+                $call
+            }
+            SlotConstants::SumOfCells { weight, .. } => {
+                let $law = crate::kernel::rows::SumOfCells { cell: $halo, weight: *weight };
+                $call
+            }
+        }
+    };
+}
+pub(super) use with_law;

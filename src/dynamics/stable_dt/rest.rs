@@ -1,0 +1,349 @@
+//! Bounds from the 3 x 3 blocks of the stiffness matrix, particle by particle, in f64.
+
+use rayon::prelude::*;
+
+use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, direction_of, family};
+use crate::lattice::{Lattice, NO_PARTICLE, Topology};
+use crate::material::{Assembly, SpringConstants};
+
+/// A symmetric 3 x 3 matrix: xx, yy, zz, yz, xz, xy.
+type Symmetric = [f64; 6];
+
+/// Promise and rest limit [s].
+pub(super) fn limits(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> (f64, f64) {
+    let blocks = Blocks::new(lattice, topology, assembly);
+    (0..lattice.len() as u32)
+        .into_par_iter()
+        .map(|particle| {
+            let mass = f64::from(assembly.mass[particle as usize]);
+            if mass <= 0.0 {
+                return (f64::INFINITY, f64::INFINITY);
+            }
+            let around = Around::of(lattice, particle);
+            let (stiffness, damping) = (blocks.stiffness(particle, &around), blocks.damping(particle, &around));
+            let promise = largest_dt(trace(&stiffness) / mass, trace(&damping) / mass);
+            (promise, largest_dt(largest_eigenvalue(&stiffness) / mass, largest_eigenvalue(&damping) / mass))
+        })
+        .reduce(|| (f64::INFINITY, f64::INFINITY), |a, b| (a.0.min(b.0), a.1.min(b.1)))
+}
+
+/// How long each particle's damping remembers: damping over stiffness of its block at rest [s].
+pub(crate) enum DampingTimes {
+    /// Nothing damps, or all by the same time.
+    Same(f32),
+    /// Shape `[particles]`.
+    PerParticle(Vec<f32>),
+}
+
+/// Damping over stiffness of every particle's block at rest.
+pub(crate) fn damping_times(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> DampingTimes {
+    let viscous = assembly.volume.as_ref().is_some_and(|volume| volume.viscosity.is_some());
+    if assembly.damping.is_none() && !viscous {
+        return DampingTimes::Same(0.0);
+    }
+    let blocks = Blocks::new(lattice, topology, assembly);
+    let times: Vec<f32> = (0..lattice.len() as u32)
+        .into_par_iter()
+        .map(|particle| {
+            let around = Around::of(lattice, particle);
+            let stiffness = largest_eigenvalue(&blocks.stiffness(particle, &around));
+            let damping = largest_eigenvalue(&blocks.damping(particle, &around));
+            if stiffness > 0.0 { (damping / stiffness) as f32 } else { 0.0 }
+        })
+        .collect();
+    DampingTimes::PerParticle(times)
+}
+
+/// `a dt^2 + 2 b dt = 4`, solved without cancellation.
+fn largest_dt(a: f64, b: f64) -> f64 {
+    if a <= 0.0 && b <= 0.0 { f64::INFINITY } else { 4.0 / (b + (b * b + 4.0 * a).sqrt()) }
+}
+
+/// Twice what a particle's springs and eight times what its cells add to its block.
+struct Blocks<'a> {
+    lattice: &'a Lattice,
+    alive: &'a [u32],
+    assembly: &'a Assembly,
+    modulus: Option<Vec<f32>>,
+    viscosity: Option<Vec<f32>>,
+}
+
+impl<'a> Blocks<'a> {
+    fn new(lattice: &'a Lattice, topology: &'a Topology, assembly: &'a Assembly) -> Self {
+        let whole = |values: &[f32]| whole_moduli(lattice, topology, values);
+        let volume = assembly.volume.as_ref();
+        Self {
+            lattice,
+            alive: topology.alive(),
+            assembly,
+            modulus: volume.map(|volume| whole(&volume.modulus)),
+            viscosity: volume.and_then(|volume| volume.viscosity.as_deref().map(whole)),
+        }
+    }
+
+    /// [N/m]
+    fn stiffness(&self, particle: u32, around: &Around) -> Symmetric {
+        self.block(particle, around, Some(&self.assembly.stiffness), self.modulus.as_deref())
+    }
+
+    /// [N s/m]
+    fn damping(&self, particle: u32, around: &Around) -> Symmetric {
+        self.block(particle, around, self.assembly.damping.as_ref(), self.viscosity.as_deref())
+    }
+
+    fn block(
+        &self,
+        particle: u32,
+        around: &Around,
+        springs: Option<&SpringConstants>,
+        cells: Option<&[f32]>,
+    ) -> Symmetric {
+        let mut block = [0.0; 6];
+        if let Some(springs) = springs {
+            let alive = self.alive[particle as usize];
+            around.for_each_spring(self.lattice, particle, springs, alive, |direction, k| {
+                for (entry, share) in block.iter_mut().zip(&DYADS[direction]) {
+                    *entry += 2.0 * k * share;
+                }
+            });
+        }
+        if let Some(cells) = cells {
+            // 8 h^3 g g^T is half a pitch times the dyad of the signs.
+            let half = 0.5 * self.lattice.pitch;
+            for (octant, corner) in around.cells.iter().enumerate() {
+                let modulus = cells.get(*corner as usize).map_or(0.0, |&value| f64::from(value).max(0.0));
+                let [x, y, z] = [0, 1, 2].map(|axis| if octant >> axis & 1 == 1 { 1.0 } else { -1.0 });
+                for (entry, sign) in block.iter_mut().zip([1.0, 1.0, 1.0, y * z, x * z, x * y]) {
+                    *entry += half * modulus * sign;
+                }
+            }
+        }
+        block
+    }
+}
+
+/// `n n^T` of each direction.
+const DYADS: [Symmetric; NEIGHBOURS] = dyads();
+
+const fn dyads() -> [Symmetric; NEIGHBOURS] {
+    let mut dyads = [[0.0; 6]; NEIGHBOURS];
+    let mut d = 0;
+    while d < NEIGHBOURS {
+        let [x, y, z] = OFFSETS[d];
+        let square = family(d) as f64;
+        dyads[d] = [
+            (x * x) as f64 / square,
+            (y * y) as f64 / square,
+            (z * z) as f64 / square,
+            (y * z) as f64 / square,
+            (x * z) as f64 / square,
+            (x * y) as f64 / square,
+        ];
+        d += 1;
+    }
+    dyads
+}
+
+/// The cells around a particle: octant x + 2 y + 4 z, each 0 towards minus and 1 towards plus, named by their lowest
+/// corner.
+struct Around {
+    cells: [u32; 8],
+    point: usize,
+}
+
+impl Around {
+    fn of(lattice: &Lattice, particle: u32) -> Self {
+        let shape = lattice.grid.shape;
+        let point = lattice.points[particle as usize] as usize;
+        let ijk = shape.ijk(point);
+        let cells = std::array::from_fn(|octant| {
+            let side = [octant & 1, octant >> 1 & 1, octant >> 2];
+            if (0..3).any(|axis| ijk[axis] + side[axis] == 0) {
+                return NO_PARTICLE;
+            }
+            lattice.particle_at[shape.linear([0, 1, 2].map(|axis| ijk[axis] + side[axis] - 1))]
+        });
+        Self { cells, point }
+    }
+
+    /// Hands on the constant of every living spring; the same values as [`SpringConstants::of`], without its look-ups.
+    fn for_each_spring(
+        &self,
+        lattice: &Lattice,
+        particle: u32,
+        constants: &SpringConstants,
+        alive: u32,
+        mut each: impl FnMut(usize, f64),
+    ) {
+        let mut living = alive;
+        let mut next = || {
+            let direction = living.trailing_zeros() as usize;
+            living &= living.wrapping_sub(1);
+            (direction < NEIGHBOURS).then_some(direction)
+        };
+        match constants {
+            SpringConstants::Uniform(value) => {
+                while let Some(direction) = next() {
+                    each(direction, f64::from(*value));
+                }
+            }
+            SpringConstants::MeanOfEnds(values) => {
+                let shape = lattice.grid.shape;
+                let own = f64::from(values[particle as usize]);
+                while let Some(direction) = next() {
+                    // A living spring has two ends inside the grid.
+                    let [i, j, k] = OFFSETS[direction].map(|o| o as isize);
+                    let step = (k * shape.ny as isize + j) * shape.nx as isize + i;
+                    let other = lattice.particle_at[self.point.wrapping_add_signed(step)];
+                    each(direction, 0.5 * (own + f64::from(values[other as usize])));
+                }
+            }
+            SpringConstants::SumOfCells { cell, weight } => {
+                let value = self.cells.map(|corner| cell.get(corner as usize).map_or(0.0, |&v| f64::from(v)));
+                let weight = weight.map(f64::from);
+                while let Some(direction) = next() {
+                    let mut octants = OCTANTS[direction];
+                    let mut sum = 0.0;
+                    while octants != 0 {
+                        sum += value[octants.trailing_zeros() as usize];
+                        octants &= octants - 1;
+                    }
+                    each(direction, weight[family(direction) - 1] * sum);
+                }
+            }
+        }
+    }
+}
+
+/// One bit per cell around a particle that holds the spring of a direction.
+const OCTANTS: [u8; NEIGHBOURS] = octants();
+
+const fn octants() -> [u8; NEIGHBOURS] {
+    let mut masks = [0; NEIGHBOURS];
+    let mut d = 0;
+    while d < NEIGHBOURS {
+        let mut octant = 0;
+        while octant < 8 {
+            let mut axis = 0;
+            let mut holds = true;
+            while axis < 3 {
+                let plus = octant >> axis & 1 == 1;
+                holds &= OFFSETS[d][axis] == 0 || (OFFSETS[d][axis] > 0) == plus;
+                axis += 1;
+            }
+            if holds {
+                masks[d] |= 1 << octant;
+            }
+            octant += 1;
+        }
+        d += 1;
+    }
+    masks
+}
+
+/// The values of the cells whose 28 springs are all alive; 0 for the others. Shape `[particles]`.
+pub(crate) fn whole_moduli(lattice: &Lattice, topology: &Topology, values: &[f32]) -> Vec<f32> {
+    let alive = topology.alive();
+    let shape = lattice.grid.shape;
+    let steps: [usize; 8] = std::array::from_fn(|c| shape.linear([c & 1, c >> 1 & 1, c >> 2]));
+    (0..lattice.len())
+        .into_par_iter()
+        .map(|particle| {
+            let value = values[particle];
+            // The lowest corner's own seven springs say that the other corners exist.
+            if value == 0.0 || alive[particle] & WITHIN[0] != WITHIN[0] {
+                return 0.0;
+            }
+            let point = lattice.points[particle] as usize;
+            let whole = (1..8).all(|c| {
+                let corner = lattice.particle_at[point + steps[c]];
+                alive[corner as usize] & WITHIN[c] == WITHIN[c]
+            });
+            if whole { value } else { 0.0 }
+        })
+        .collect()
+}
+
+/// The seven springs of each corner of a cell (x fastest) that stay in the cell.
+const WITHIN: [u32; 8] = within();
+
+const fn within() -> [u32; 8] {
+    let mut masks = [0; 8];
+    let mut a = 0;
+    while a < 8_i32 {
+        let mut b = 0;
+        while b < 8_i32 {
+            if a != b {
+                let offset = [(b & 1) - (a & 1), (b >> 1 & 1) - (a >> 1 & 1), (b >> 2) - (a >> 2)];
+                masks[a as usize] |= 1 << direction_of(offset);
+            }
+            b += 1;
+        }
+        a += 1;
+    }
+    masks
+}
+
+fn trace(m: &Symmetric) -> f64 {
+    m[0] + m[1] + m[2]
+}
+
+/// Never below the largest eigenvalue of a matrix without negative ones, and within 1e-9 of it except beside double roots,
+/// where it is within 2e-3.
+///
+/// Newton's iteration on the characteristic polynomial from above the largest root, where it is convex: it comes down to
+/// the root and never passes it.
+pub(super) fn largest_eigenvalue(m: &Symmetric) -> f64 {
+    let [xx, yy, zz, yz, xz, xy] = *m;
+    let mean = (xx + yy + zz) / 3.0;
+    let [x, y, z] = [xx - mean, yy - mean, zz - mean];
+    // lambda = mean + 2 p cos(phi), with phi in 0..pi/3, so mean + 2 p is above it.
+    let square = (x * x + y * y + z * z + 2.0 * (yz * yz + xz * xz + xy * xy)) / 6.0;
+    let p = square.sqrt();
+    if p <= 1e-12 * mean {
+        return mean + 2.0 * p;
+    }
+    let determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
+    // r^3 - 3 r = d in units of p, d in -2..2, largest root in 1..2.
+    let d = determinant / (square * p);
+    let mut r = 2.0_f64;
+    for _ in 0..8 {
+        let slope = 3.0 * (r * r - 1.0);
+        if slope < 1e-6 {
+            break;
+        }
+        r -= ((r * r - 3.0) * r - d).max(0.0) / slope;
+    }
+    mean + p * r * (1.0 + 1e-12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn the_largest_eigenvalue_is_never_underestimated() {
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+        };
+        for round in 0..2000 {
+            // Rank 1, 2, 3 and diagonal ones, whose roots may be double.
+            let mut m = Matrix3::zeros();
+            for axis in 0..=round % 3 {
+                let v = if round % 7 == 0 {
+                    Matrix3::identity().column(axis).into_owned()
+                } else {
+                    nalgebra::Vector3::from_fn(|_, _| random())
+                };
+                m += v * v.transpose();
+            }
+            let expected = m.symmetric_eigenvalues().max();
+            let found = largest_eigenvalue(&[m.m11, m.m22, m.m33, m.m23, m.m13, m.m12]);
+            assert!(found >= expected * (1.0 - 1e-13), "{round}: {found} {expected}");
+            assert!(found <= expected * (1.0 + 2e-3), "{round}: {found} {expected} {m}");
+        }
+    }
+}

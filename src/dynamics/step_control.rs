@@ -1,0 +1,322 @@
+//! Keeps the step stable while the tissue deforms.
+//!
+//! The step of a run is chosen for the rest state ([`super::stable_dt`]). Stretched springs also resist sideways, sheared
+//! ones turn together, and a cell's volume term grows with the area of its faces: all that shortens the stable step, for
+//! springs alone down to [`Limits::promise`], for volume terms without end. The control bounds the limit of the
+//! present shape particle by particle, and where the step is too long it divides the rest of the interval (a frame, or a
+//! step the scene asked for) into more, equal steps; when the shape relaxes it takes fewer again.
+//!
+//! What is guaranteed, in units of `1/dt^2` so that the numbers add: the present limit is taken as the true one at
+//! rest plus what the blocks of [`crate::kernel::tangent`] have gained since. The blocks alone are a rigorous bound for
+//! any shape; that their gain bounds the gain of the whole is Weyl's inequality where stiffness is added, and an
+//! approximation where springs turn against each other. Where the blocks are exact at rest (inside any uniform lattice)
+//! both are the same. Besides, neighbours part by at most a quarter of a pitch in a step, as far as dividing goes. Not
+//! counted: what dampers of fast springs add sideways, and the rest of the step before the shape
+//! is looked at again, which is why that happens while there is still room.
+//!
+//! Same world, same calls: same decisions, at any number of threads.
+
+use rayon::prelude::*;
+
+use super::slot_constants::{SlotConstants, to_slots, with_law};
+use super::stable_dt::{DampingTimes, Limits, SAFETY, damping_times, whole_moduli};
+use super::world::{StepError, World};
+use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::rows::{Bits, StepConstants};
+use crate::kernel::tangent::{CellTangents, TangentState, stiffest};
+use crate::lattice::layout::BLOCK_LEN;
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
+
+/// A step is left alone up to this share of the present limit; a new one is [`SAFETY`] of it.
+const TOLERATED: f64 = 0.99;
+/// `lambda` grows by at most about this much, relative, when neighbours part by one pitch: springs (an even stretch by
+/// `s` adds 1.5 s) and cells (`|cof F|^2` grows with the fourth power).
+const GROWTH: [f64; 2] = [2.0, 6.0];
+/// The shape is looked at again when neighbours may have parted by so much since [pitches]: no sooner, no later.
+const LOOK_AGAIN: [f64; 2] = [0.03, 0.15];
+/// Neighbours may part or meet by so much in a step [pitches]: what moves faster than its waves is resolved, or the
+/// energy of a collapse would come out wrong.
+const PARTING: f64 = 0.25;
+/// A step divided into more parts than this is refused.
+pub const MOST_PARTS: u64 = 64;
+
+/// Watches a world and divides its steps.
+pub struct StepControl {
+    limits: Limits,
+    stiffness: SlotConstants,
+    inverse_mass: Vec<f32>,
+    /// Damping over stiffness of each slot [s]; `None` when nothing damps.
+    damping_time: Option<Vec<f32>>,
+    /// Volume modulus of the whole cell above each slot [Pa].
+    modulus: Option<Vec<f32>>,
+    /// Severed springs whose cells have been taken out.
+    severed: usize,
+    /// Limit of the present shape [s], `None` before the first look.
+    limit: Option<f64>,
+    /// How far neighbours may have parted since the last look [m].
+    moved: f64,
+    counts: StepCounts,
+}
+
+/// What stepping a schedule took.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepCounts {
+    /// Steps taken.
+    pub steps: u64,
+    /// Those that were shorter than planned.
+    pub divided: u64,
+    /// Most parts that a planned step was divided into, on average over its interval.
+    pub most_parts: f64,
+    /// Shortest step taken [s]; infinite before the first.
+    pub shortest_dt: f64,
+    /// How often the shape was looked at.
+    pub looks: u64,
+}
+
+/// A stretch of time that is stepped in equal steps unless the shape asks for more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    until: f64,
+    dt: f64,
+    left: u64,
+    begun: bool,
+}
+
+impl Interval {
+    /// `steps` of `dt` [s] that end at `until` [s].
+    pub fn new(until: f64, dt: f64, steps: u64) -> Self {
+        Self { until, dt, left: steps, begun: false }
+    }
+}
+
+impl StepControl {
+    /// Prepares the watch of a world; `limits` are those of its lattice and assembly.
+    pub fn new(world: &World, limits: Limits) -> Self {
+        let (lattice, assembly, layout) = (world.lattice(), world.assembly(), &world.layout);
+        let inverse = |m: &f32| if *m > 0.0 { m.recip() } else { 0.0 };
+        let damping_time = match damping_times(lattice, world.topology(), assembly) {
+            DampingTimes::Same(0.0) => None,
+            DampingTimes::Same(time) => Some(vec![time; layout.slots()]),
+            DampingTimes::PerParticle(times) => Some(to_slots(layout, &times)),
+        };
+        let volume = assembly.volume.as_ref();
+        let modulus = volume.map(|volume| to_slots(layout, &whole_moduli(lattice, world.topology(), &volume.modulus)));
+        Self {
+            limits,
+            stiffness: SlotConstants::new(layout, &assembly.stiffness),
+            inverse_mass: to_slots(layout, &assembly.mass.iter().map(inverse).collect::<Vec<_>>()),
+            damping_time,
+            modulus,
+            severed: world.topology().severed().len(),
+            limit: None,
+            moved: 0.0,
+            counts: StepCounts { steps: 0, divided: 0, most_parts: 1.0, shortest_dt: f64::INFINITY, looks: 0 },
+        }
+    }
+
+    /// What it took so far.
+    pub fn counts(&self) -> StepCounts {
+        self.counts
+    }
+
+    /// Gives the world the step it is to take next; false when the interval is over. To be called before every step, and
+    /// before what is applied to the world for that step.
+    ///
+    /// # Errors
+    /// [`StepError::TooStiff`] if a step would have to be divided into more than [`MOST_PARTS`].
+    pub fn plan(&mut self, world: &mut World, interval: &mut Interval) -> Result<bool, StepError> {
+        if interval.left == 0 {
+            return Ok(false);
+        }
+        // Fast motion is resolved as far as dividing goes; only what would be unstable is refused.
+        let finest = interval.dt / (SAFETY * (MOST_PARTS as f64 - 1.0));
+        let mut limit = self.limit(world, interval.dt);
+        if self.modulus.is_none() {
+            limit = limit.max(finest.min(self.limits.promise));
+        }
+        let limit = limit.min(parting_limit(world, interval.dt).max(finest));
+        let begins = !std::mem::replace(&mut interval.begun, true);
+        let dt = world.dt();
+        let fits = dt <= TOLERATED * limit;
+        let as_planned = dt == interval.dt;
+        if fits && (as_planned || (!begins && dt >= TOLERATED * interval.dt)) {
+            return Ok(true);
+        }
+        let remaining = interval.until - world.time();
+        let longest = if interval.dt <= TOLERATED * limit { interval.dt } else { SAFETY * limit };
+        let parts = interval.dt / longest;
+        if parts > MOST_PARTS as f64 || !parts.is_finite() {
+            return Err(world.too_stiff(limit, self.stiffest_particle(world), MOST_PARTS));
+        }
+        let steps = (remaining / longest - 1e-6).ceil().max(1.0) as u64;
+        if begins && steps == interval.left {
+            world.set_dt(interval.dt);
+        } else if begins || !fits || steps < interval.left {
+            world.set_dt(remaining / steps as f64);
+            interval.left = steps;
+        }
+        Ok(true)
+    }
+
+    /// Takes note of a step just taken.
+    pub fn stepped(&mut self, world: &World, interval: &mut Interval) {
+        interval.left -= 1;
+        self.moved += 2.0 * world.longest_move();
+        let dt = world.dt();
+        self.counts.steps += 1;
+        self.counts.shortest_dt = self.counts.shortest_dt.min(dt);
+        if dt < interval.dt * (1.0 - 1e-6) {
+            self.counts.divided += 1;
+            self.counts.most_parts = self.counts.most_parts.max(interval.dt / dt);
+        }
+    }
+
+    /// The largest stable step for the shape at the last look [s], looking again if it may have changed.
+    fn limit(&mut self, world: &World, planned: f64) -> f64 {
+        // Springs alone never need less than promised.
+        if self.limits.rest.is_infinite()
+            || (self.modulus.is_none() && planned <= TOLERATED * self.limits.promise && world.dt() == planned)
+        {
+            return self.limits.sharp;
+        }
+        if let Some(limit) = self.limit {
+            let room = (limit / world.dt()).powi(2) - 1.0;
+            let growth = GROWTH[usize::from(self.modulus.is_some())];
+            let allowed = (room / growth).clamp(LOOK_AGAIN[0], LOOK_AGAIN[1]) * world.lattice().pitch;
+            if self.moved < allowed {
+                return limit;
+            }
+        }
+        self.counts.looks += 1;
+        self.moved = 0.0;
+        let limit = self.look(world);
+        self.limit = Some(limit);
+        limit
+    }
+
+    /// The largest stable step for the world's present shape [s].
+    pub fn look(&mut self, world: &World) -> f64 {
+        let now = self.blocks_limit(world);
+        let square = |dt: f64| (1.0 / dt).powi(2);
+        let Limits { rest, sharp, .. } = self.limits;
+        1.0 / (square(sharp) + (square(now) - square(rest)).max(0.0)).sqrt()
+    }
+
+    /// The rigorous limit of the present shape, by the blocks alone [s].
+    pub fn blocks_limit(&mut self, world: &World) -> f64 {
+        self.forget_severed_cells(world);
+        let fastest: Vec<f32> = (0..world.layout.blocks.len())
+            .into_par_iter()
+            .map_init(Buffers::new, |buffers, block| {
+                self.rates(world, block, buffers);
+                buffers.rate.iter().copied().fold(0.0, f32::max)
+            })
+            .collect();
+        4.0 / f64::from(fastest.into_iter().fold(0.0, f32::max))
+    }
+
+    /// `4 / dt` of each slot's own limit `dt`.
+    fn rates(&self, world: &World, block: usize, buffers: &mut Buffers) {
+        let neighbours = &world.layout.neighbours[block];
+        let Buffers { displacement, constants, modulus, cells, rate } = buffers;
+        for axis in 0..3 {
+            gather(&world.displacement[axis], neighbours, &mut displacement[axis]);
+        }
+        self.stiffness.gather(neighbours, constants);
+        if let Some(values) = &self.modulus {
+            gather(values, neighbours, modulus);
+        }
+        let step = StepConstants::new(world.lattice().pitch, world.dt(), [0.0; 3]);
+        let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
+        let state = TangentState {
+            displacement: displacement.each_ref(),
+            inverse_mass: self.inverse_mass[slots.clone()].try_into().expect("whole blocks"),
+            modulus: self.modulus.is_some().then_some(&*modulus),
+            pitch: step.pitch,
+            rest_length: step.rest_length,
+        };
+        let alive = Bits { alive: world.living_springs(block) };
+        with_law!(&self.stiffness, &*constants, |law| stiffest(law, alive, state, cells, rate));
+        // a dt^2 + 2 b dt = 4 with b = tau a.
+        match &self.damping_time {
+            None => rate.iter_mut().for_each(|a| *a = (4.0 * *a).sqrt()),
+            Some(times) => {
+                for (a, &time) in rate.iter_mut().zip(&times[slots]) {
+                    let b = time * *a;
+                    *a = b + (b * b + 4.0 * *a).sqrt();
+                }
+            }
+        }
+    }
+
+    fn stiffest_particle(&self, world: &World) -> u32 {
+        let of_block = |buffers: &mut Box<Buffers>, block: usize| {
+            self.rates(world, block, buffers);
+            let (slot, rate) =
+                buffers.rate.iter().copied().enumerate().fold((0, -1.0), |a, b| if b.1 > a.1 { b } else { a });
+            (block * BLOCK_LEN + slot, rate)
+        };
+        let all: Vec<(usize, f32)> =
+            (0..world.layout.blocks.len()).into_par_iter().map_init(Buffers::new, of_block).collect();
+        let (slot, _) = all.into_iter().fold((0, -1.0), |a, b| if b.1 > a.1 { b } else { a });
+        world.layout.particle_of_slot(world.lattice(), slot).unwrap_or(0)
+    }
+
+    /// A cell with a severed spring has no volume term.
+    fn forget_severed_cells(&mut self, world: &World) {
+        let severed = world.topology().severed();
+        if let Some(modulus) = &mut self.modulus {
+            let lattice = world.lattice();
+            for spring in &severed[self.severed..] {
+                let direction = usize::from(spring.direction);
+                debug_assert!((FIRST_FORWARD..NEIGHBOURS).contains(&direction));
+                let offset = OFFSETS[direction];
+                for side in 0..8 {
+                    // Lowest corner of each cell that holds both ends.
+                    let below = [0, 1, 2].map(|axis| match offset[axis] {
+                        0 => -(side >> axis & 1),
+                        o => o.min(0),
+                    });
+                    if let Some(point) = lattice.grid.shape.neighbour(lattice.ijk(spring.particle), below)
+                        && let Some(&slot) = world.layout.slot.get(lattice.particle_at[point] as usize)
+                    {
+                        modulus[slot as usize] = 0.0;
+                    }
+                }
+            }
+        }
+        self.severed = severed.len();
+    }
+}
+
+/// The step in which the fastest neighbours part by [`PARTING`] [s]. Free while that is clearly more than planned.
+fn parting_limit(world: &World, planned: f64) -> f64 {
+    let most = PARTING * world.lattice().pitch;
+    let slow = most / planned;
+    if 2.0 * world.longest_move() / world.dt() <= slow {
+        return f64::INFINITY;
+    }
+    let speed = world.fastest_parting(slow);
+    if speed <= slow { f64::INFINITY } else { most / speed }
+}
+
+struct Buffers {
+    displacement: [Halo; 3],
+    constants: Halo,
+    modulus: Halo,
+    cells: CellTangents,
+    rate: [f32; BLOCK_LEN],
+}
+
+impl Buffers {
+    fn new() -> Box<Self> {
+        let zeros = [0.0; HALO_LEN];
+        Box::new(Self {
+            displacement: [zeros; 3],
+            constants: zeros,
+            modulus: zeros,
+            cells: CellTangents::default(),
+            rate: [0.0; BLOCK_LEN],
+        })
+    }
+}
