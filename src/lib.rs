@@ -31,6 +31,7 @@
 //! | [`slice`] | a plane of a volume, at rest or carried by the lattice |
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
+//! | [`verify`] | what the program promises, tried out |
 //! | [`cli`] | the command line |
 //!
 //! # Units and axes
@@ -116,5 +117,7 @@ pub mod slice;
 
 pub mod plot;
 pub mod run;
+
+pub mod verify;
 
 pub mod cli;

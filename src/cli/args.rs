@@ -40,6 +40,7 @@ pub(super) enum Command {
     Info(InfoArguments),
     Check(CheckArguments),
     Scene(SceneArguments),
+    Verify(VerifyArguments),
     #[command(subcommand)]
     Bench(BenchCommand),
     /// Print a completion script for a shell.
@@ -283,6 +284,26 @@ pub(super) struct SceneArguments {
     /// Print the JSON schema.
     #[arg(long, conflicts_with = "scene")]
     pub(super) schema: bool,
+}
+
+/// Try out what the program promises: solids, waves and free bodies against known answers, and hard cases.
+///
+/// Takes some minutes; exit code 1 when a promise is broken.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara verify -o promises.md\n  yawara verify --only flattened")]
+pub(super) struct VerifyArguments {
+    /// Only cases whose name contains this.
+    #[arg(long, value_name = "TEXT")]
+    pub(super) only: Option<String>,
+    /// Tell the names of the cases and what they ask, and do nothing.
+    #[arg(long)]
+    pub(super) list: bool,
+    /// Also write the findings as a Markdown page.
+    #[arg(short, long, value_name = "FILE")]
+    pub(super) output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
 }
 
 /// Measure speed; the last line of --json is one JSON object.

@@ -19,6 +19,7 @@ mod scene;
 mod scene_facts;
 mod slice;
 mod source;
+mod verify;
 mod volume;
 
 use std::process::ExitCode;
@@ -58,6 +59,7 @@ fn dispatch(command: Command, messages: &Messages) -> anyhow::Result<Outcome> {
         Command::Run(arguments) => run::run(&arguments, messages),
         Command::Mesh(arguments) => mesh::mesh(&arguments, messages),
         Command::Slice(arguments) => slice::slice(&arguments, messages),
+        Command::Verify(arguments) => verify::verify(&arguments, messages),
         Command::Volume(arguments) => volume::volume(&arguments, messages),
         Command::Phantom(arguments) => phantom::phantom(&arguments),
         Command::Info(arguments) => info::info(&arguments, messages),
