@@ -4,7 +4,11 @@
 //! Every [`Case`] says what is asked, does it, and reports a [`Finding`] with its largest error and what is allowed. The same
 //! cases are the tests of the library and the page that `yawara verify` writes.
 
+mod lattices;
 mod report;
+mod solids;
+mod statics;
+mod waves;
 
 pub use report::markdown;
 
@@ -71,5 +75,5 @@ impl Finding {
 
 /// All cases, in the order of the page.
 pub fn cases() -> Vec<Case> {
-    Vec::new()
+    [solids::cases(), waves::cases()].concat()
 }
