@@ -77,7 +77,8 @@ impl Surface {
         &self.triangles
     }
 
-    /// Organ of the particle inside each vertex, as in [`Lattice::organ`].
+    /// Organ of the particle inside each vertex, as in [`Lattice::organ`]; in a lattice of cells, smoothing may draw the border
+    /// outside a particle that belongs to none ([`crate::lattice::FRINGE`]).
     pub fn organs(&self) -> impl ExactSizeIterator<Item = u8> + '_ {
         self.embedding.vertices.iter().map(|vertex| vertex.organ)
     }
