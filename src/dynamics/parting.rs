@@ -47,19 +47,22 @@ impl Parting {
         let fastest: Vec<f64> = world.fastest_of_blocks().iter().map(|&squared| f64::from(squared).sqrt()).collect();
         let Self { present, cut, speed, moved, .. } = self;
         let (present, cut) = (&*present, &*cut);
-        speed.par_iter_mut().zip(moved).enumerate().with_min_len(4).for_each_init(Buffers::new, |buffers, (block, to)| {
-            let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
-            let at_most = 2.0 * around.map(|&other| fastest[other as usize]).fold(0.0, f64::max);
-            let (speed, moved) = to;
-            *speed = if at_most * dt <= short {
-                at_most
-            } else if cut[block] {
-                buffers.fastest_spring(world, block)
-            } else {
-                at_most.min(buffers.widest_cell(world, present, block))
-            };
-            *moved += *speed * dt;
-        });
+        speed.par_iter_mut().zip(moved).enumerate().with_min_len(4).for_each_init(
+            Buffers::new,
+            |buffers, (block, to)| {
+                let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
+                let at_most = 2.0 * around.map(|&other| fastest[other as usize]).fold(0.0, f64::max);
+                let (speed, moved) = to;
+                *speed = if at_most * dt <= short {
+                    at_most
+                } else if cut[block] {
+                    buffers.fastest_spring(world, block)
+                } else {
+                    at_most.min(buffers.widest_cell(world, present, block))
+                };
+                *moved += *speed * dt;
+            },
+        );
     }
 
     /// Neighbours of a block may have parted by so much since it was forgotten [m].

@@ -327,6 +327,11 @@ impl World {
     /// If a velocity is not finite or outruns the lattice; places are left as they were before the step, velocities are
     /// not.
     pub fn step(&mut self) -> Result<(), StepError> {
+        // Handed to the workers once: small lattices would wait for them longer than they compute.
+        rayon::scope(|_| self.step_among_workers())
+    }
+
+    fn step_among_workers(&mut self) -> Result<(), StepError> {
         let mut fastest = self.kick();
         self.load_bodies();
         self.apply_drives(&mut fastest);

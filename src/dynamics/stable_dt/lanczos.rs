@@ -49,19 +49,29 @@ fn once(lattice: &Lattice, topology: &Topology, assembly: &Assembly, rest: f64, 
     if steps < 4.0 * PRICE * ROUND as f64 {
         return rest;
     }
+    let free = 3.0 * assembly.mass.iter().filter(|&&mass| mass > 0.0).count() as f64;
+    let error_after = |iterations: f64| match iterations {
+        all if all >= free => 0.0,
+        some => ((1.648 * free.sqrt() / RISK).ln() / (2.0 * some - 1.0)).powi(2),
+    };
+    // The blocks count springs twice and cells eight times, so no more than that can be won, and dt wins at most as much.
+    let most = if assembly.volume.is_some() { 8.0 } else { 2.0 };
+    let could_pay = (ROUND..=MOST).step_by(ROUND).any(|iterations| {
+        let won = most * (1.0 - error_after(iterations as f64));
+        steps * (1.0 - 1.0 / won) > PRICE * iterations as f64
+    });
+    if !could_pay {
+        return rest;
+    }
     let operator = Operator::new(lattice, topology, assembly, rest);
-    let free = 3.0 * operator.free as f64;
     let mut lanczos = Lanczos::new(&operator);
     let mut certain = rest;
     loop {
         let finished = !(0..ROUND).all(|_| lanczos.advance(&operator));
         let iterations = lanczos.diagonal.len();
         let found = lanczos.largest();
-        let error = if finished && iterations as f64 >= free {
-            0.0
-        } else {
-            ((1.648 * free.sqrt() / RISK).ln() / (2.0 * iterations as f64 - 1.0)).powi(2)
-        };
+        let error =
+            if finished { error_after(iterations as f64) } else { error_after((iterations as f64).min(free - 1.0)) };
         // f32 sums: see the kernel.
         let bound = if error < 1.0 { found / (1.0 - error) * (1.0 + 1e-4) } else { f64::INFINITY };
         certain = operator.limit(bound).max(certain);
