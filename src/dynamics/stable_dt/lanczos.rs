@@ -50,15 +50,13 @@ fn once(lattice: &Lattice, topology: &Topology, assembly: &Assembly, rest: f64, 
         return rest;
     }
     let free = 3.0 * assembly.mass.iter().filter(|&&mass| mass > 0.0).count() as f64;
-    let error_after = |iterations: f64| match iterations {
-        all if all >= free => 0.0,
-        some => ((1.648 * free.sqrt() / RISK).ln() / (2.0 * some - 1.0)).powi(2),
-    };
+    let error_after = |iterations: f64| ((1.648 * free.sqrt() / RISK).ln() / (2.0 * iterations - 1.0)).powi(2);
     // The blocks count springs twice and cells eight times, so no more than that can be won, and dt wins at most as much.
     let most = if assembly.volume.is_some() { 8.0 } else { 2.0 };
-    let could_pay = (ROUND..=MOST).step_by(ROUND).any(|iterations| {
-        let won = most * (1.0 - error_after(iterations as f64));
-        steps * (1.0 - 1.0 / won) > PRICE * iterations as f64
+    let could_pay = (ROUND..=MOST).any(|iterations| {
+        let error = if iterations as f64 >= free { 0.0 } else { error_after(iterations as f64) };
+        let won = most * (1.0 - error);
+        won > 1.0 && steps * (1.0 - 1.0 / won) > PRICE * iterations as f64
     });
     if !could_pay {
         return rest;
@@ -70,8 +68,8 @@ fn once(lattice: &Lattice, topology: &Topology, assembly: &Assembly, rest: f64, 
         let finished = !(0..ROUND).all(|_| lanczos.advance(&operator));
         let iterations = lanczos.diagonal.len();
         let found = lanczos.largest();
-        let error =
-            if finished { error_after(iterations as f64) } else { error_after((iterations as f64).min(free - 1.0)) };
+        let exact = finished && iterations as f64 >= free;
+        let error = if exact { 0.0 } else { error_after(iterations as f64) };
         // f32 sums: see the kernel.
         let bound = if error < 1.0 { found / (1.0 - error) * (1.0 + 1e-4) } else { f64::INFINITY };
         certain = operator.limit(bound).max(certain);
@@ -93,7 +91,6 @@ struct Operator {
     modulus: Option<Vec<f32>>,
     /// One over the root of the mass; 0 for rigid organs and empty slots.
     weight: Vec<f32>,
-    free: usize,
     dt: f64,
     /// `tau` when `C = tau K` [s].
     damping_time: Option<f64>,
@@ -118,7 +115,6 @@ impl Operator {
             springs: SlotConstants::new(&layout, &combine(assembly, lattice.len(), combined)),
             modulus: volume,
             weight: to_slots(&layout, &weights),
-            free: assembly.mass.iter().filter(|&&m| m > 0.0).count(),
             pitch: lattice.pitch as f32,
             damping_time: damping_time(assembly, lattice.len()),
             dt,
