@@ -49,27 +49,19 @@ fn once(lattice: &Lattice, topology: &Topology, assembly: &Assembly, rest: f64, 
     if steps < 4.0 * PRICE * ROUND as f64 {
         return rest;
     }
-    let free = 3.0 * assembly.mass.iter().filter(|&&mass| mass > 0.0).count() as f64;
-    let error_after = |iterations: f64| ((1.648 * free.sqrt() / RISK).ln() / (2.0 * iterations - 1.0)).powi(2);
-    // The blocks count springs twice and cells eight times, so no more than that can be won, and dt wins at most as much.
-    let most = if assembly.volume.is_some() { 8.0 } else { 2.0 };
-    let could_pay = (ROUND..=MOST).any(|iterations| {
-        let error = if iterations as f64 >= free { 0.0 } else { error_after(iterations as f64) };
-        let won = most * (1.0 - error);
-        won > 1.0 && steps * (1.0 - 1.0 / won) > PRICE * iterations as f64
-    });
-    if !could_pay {
-        return rest;
-    }
     let operator = Operator::new(lattice, topology, assembly, rest);
+    let free = 3.0 * operator.free as f64;
     let mut lanczos = Lanczos::new(&operator);
     let mut certain = rest;
     loop {
         let finished = !(0..ROUND).all(|_| lanczos.advance(&operator));
         let iterations = lanczos.diagonal.len();
         let found = lanczos.largest();
-        let exact = finished && iterations as f64 >= free;
-        let error = if exact { 0.0 } else { error_after(iterations as f64) };
+        let error = if finished && iterations as f64 >= free {
+            0.0
+        } else {
+            ((1.648 * free.sqrt() / RISK).ln() / (2.0 * iterations as f64 - 1.0)).powi(2)
+        };
         // f32 sums: see the kernel.
         let bound = if error < 1.0 { found / (1.0 - error) * (1.0 + 1e-4) } else { f64::INFINITY };
         certain = operator.limit(bound).max(certain);
@@ -91,6 +83,7 @@ struct Operator {
     modulus: Option<Vec<f32>>,
     /// One over the root of the mass; 0 for rigid organs and empty slots.
     weight: Vec<f32>,
+    free: usize,
     dt: f64,
     /// `tau` when `C = tau K` [s].
     damping_time: Option<f64>,
@@ -115,6 +108,7 @@ impl Operator {
             springs: SlotConstants::new(&layout, &combine(assembly, lattice.len(), combined)),
             modulus: volume,
             weight: to_slots(&layout, &weights),
+            free: assembly.mass.iter().filter(|&&m| m > 0.0).count(),
             pitch: lattice.pitch as f32,
             damping_time: damping_time(assembly, lattice.len()),
             dt,
