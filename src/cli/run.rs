@@ -12,6 +12,7 @@ use super::messages::Messages;
 use super::progress;
 use super::source::Source;
 use crate::dynamics::World;
+use crate::dynamics::step_control::StepCounts;
 use crate::dynamics::timeline::{Event, Timeline, What};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
 use crate::run::inputs;
@@ -65,11 +66,12 @@ pub(super) fn simulate(
         prepared.lattice.pitch * 1e3
     ));
     messages.note(format_args!(
-        "{} steps of {:.3e} s ({}; stable up to {:.3e} s), {} frames",
+        "{} steps of {:.3e} s ({}; stable up to {:.3e} s, {}), {} frames",
         schedule.steps,
         schedule.dt,
         if scene.time.dt.is_some() { "as the scene asks" } else { "chosen" },
         schedule.stable_dt,
+        schedule.limit_in_words(),
         schedule.frames
     ));
     let recorder = Recorder::create(output, scene, Some(scene_toml), &inputs, &prepared, overwrite)?;
@@ -77,12 +79,13 @@ pub(super) fn simulate(
     drop(inputs);
     let mut world = prepared.into_world(scene.gravity);
     let bar = progress::bar(messages, "steps", schedule.steps);
-    let mut watch = Watch { recorder, bar, messages, scene, started: Instant::now(), change: None };
+    let mut watch =
+        Watch { recorder, bar, messages, scene, planned_dt: schedule.dt, started: Instant::now(), change: None };
     let driven = drive(&mut world, &mut timeline, &schedule, &mut watch);
     watch.bar.finish_and_clear();
     let seconds = watch.started.elapsed().as_secs_f64();
     let Watch { mut recorder, change, .. } = watch;
-    if driven.is_ok() {
+    if let Ok(counts) = &driven {
         let rate = particles as f64 * world.steps() as f64 / seconds * 1e-6;
         let time = world.time();
         tell(
@@ -90,6 +93,7 @@ pub(super) fn simulate(
             messages,
             &format!("{time:.4} s simulated in {seconds:.2} s: {rate:.1} million particle-steps/s with frames written"),
         )?;
+        tell(&mut recorder, messages, &steps_taken(counts))?;
     }
     let worst = recorder.worst().clone();
     if let (Some(change), Some((furthest, frame))) = (change, worst.change) {
@@ -135,6 +139,18 @@ pub(super) fn simulate(
     }
 }
 
+/// How many steps it took, how many of them were shorter than planned, and the shortest.
+fn steps_taken(counts: &StepCounts) -> String {
+    let StepCounts { steps, divided, shortest_dt, .. } = *counts;
+    match divided {
+        0 => format!("{steps} steps taken, all as planned"),
+        _ => format!(
+            "{steps} steps taken: {divided} of them from planned steps divided where the tissue was deformed or fast, the \
+             shortest {shortest_dt:.3e} s"
+        ),
+    }
+}
+
 /// A line for the run's log and for the user.
 fn tell(recorder: &mut Recorder, messages: &Messages, line: &str) -> Result<(), WriteRunError> {
     messages.note(line);
@@ -164,6 +180,8 @@ struct Watch<'a> {
     bar: ProgressBar,
     messages: &'a Messages,
     scene: &'a Scene,
+    /// A step of the schedule [s].
+    planned_dt: f64,
     started: Instant,
     /// Change of the volume of whole cells relative to rest in the last frame; `None` when none is whole.
     change: Option<f64>,
@@ -197,7 +215,8 @@ impl Observer for Watch<'_> {
         self.recorder.event(event)
     }
 
-    fn step(&mut self, _: &World) {
-        self.bar.inc(1);
+    fn step(&mut self, world: &World) {
+        // Planned steps, however they are divided.
+        self.bar.set_position((world.time() / self.planned_dt).round() as u64);
     }
 }

@@ -61,6 +61,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "effects": effects,
         "duration_s": schedule.dt * schedule.steps as f64,
         "stable_dt_s": schedule.stable_dt.is_finite().then_some(schedule.stable_dt),
+        "stable_dt_is": schedule.limit_in_words(),
         "dt_s": schedule.dt,
         "dt_is_from": if scene.time.dt.is_some() { "scene" } else { "stable_dt" },
         "steps": schedule.steps,
@@ -168,6 +169,10 @@ pub(super) fn text(facts: &Value) -> String {
             format!("{} s: chosen; at most {SAFETY} of the stable bound, and whole steps between frames", short("dt_s"))
         }
     };
+    let bound = match facts["stable_dt_s"].as_f64() {
+        None => plain("stable_dt_is"),
+        Some(bound) => format!("{} s, {}", digits(bound, 4), plain("stable_dt_is")),
+    };
     let estimate = match facts["estimated_time_s"].as_f64() {
         None => "none: the state diverges within the first steps".to_owned(),
         Some(seconds) => format!(
@@ -197,7 +202,7 @@ pub(super) fn text(facts: &Value) -> String {
             ),
         ),
         ("simulated", format!("{} s in {} steps, {} frames", short("duration_s"), count("steps"), count("frames"))),
-        ("stable bound", facts["stable_dt_s"].as_f64().map_or("none".to_owned(), |dt| format!("{} s", digits(dt, 4)))),
+        ("stable bound", bound),
         ("step", step),
         ("effects", effects_text(&facts["effects"])),
         ("time", estimate),

@@ -6,6 +6,7 @@
 
 mod drive;
 pub mod measure;
+mod parting;
 mod rigid;
 mod slot_constants;
 mod springs;

@@ -18,6 +18,7 @@
 
 use rayon::prelude::*;
 
+use super::parting::Parting;
 use super::slot_constants::{SlotConstants, to_slots, with_law};
 use super::stable_dt::{DampingTimes, Limits, SAFETY, damping_times, whole_moduli};
 use super::world::{StepError, World};
@@ -32,8 +33,11 @@ const TOLERATED: f64 = 0.99;
 /// `lambda` grows by at most about this much, relative, when neighbours part by one pitch: springs (an even stretch by
 /// `s` adds 1.5 s) and cells (`|cof F|^2` grows with the fourth power).
 const GROWTH: [f64; 2] = [2.0, 6.0];
-/// The shape is looked at again when neighbours may have parted by so much since [pitches]: no sooner, no later.
+/// A block is looked at again when its neighbours may have parted by so much since [pitches]: no sooner, no later.
 const LOOK_AGAIN: [f64; 2] = [0.03, 0.15];
+/// Neighbours that cannot have parted by so much in a step [pitches] are not compared: taking them to have parted costs a
+/// tenth of a look, about what comparing would.
+const NOT_COMPARED: f64 = 0.1 * LOOK_AGAIN[0];
 /// Neighbours may part or meet by so much in a step [pitches]: what moves faster than its waves is resolved, or the
 /// energy of a collapse would come out wrong.
 const PARTING: f64 = 0.25;
@@ -51,10 +55,11 @@ pub struct StepControl {
     modulus: Option<Vec<f32>>,
     /// Severed springs whose cells have been taken out.
     severed: usize,
-    /// Limit of the present shape [s], `None` before the first look.
-    limit: Option<f64>,
-    /// How far neighbours may have parted since the last look [m].
-    moved: f64,
+    /// `4 / dt` of the stiffest particle of each block when it was last looked at [1/s]; empty before the first look.
+    rate: Vec<f32>,
+    parting: Parting,
+    /// Blocks looked at so far.
+    looked_at: u64,
     counts: StepCounts,
 }
 
@@ -69,7 +74,7 @@ pub struct StepCounts {
     pub most_parts: f64,
     /// Shortest step taken [s]; infinite before the first.
     pub shortest_dt: f64,
-    /// How often the shape was looked at.
+    /// How often the shape was looked at; looks at some of its blocks count as their share.
     pub looks: u64,
 }
 
@@ -108,15 +113,17 @@ impl StepControl {
             damping_time,
             modulus,
             severed: world.topology().severed().len(),
-            limit: None,
-            moved: 0.0,
+            rate: Vec::new(),
+            parting: Parting::new(world),
+            looked_at: 0,
             counts: StepCounts { steps: 0, divided: 0, most_parts: 1.0, shortest_dt: f64::INFINITY, looks: 0 },
         }
     }
 
     /// What it took so far.
     pub fn counts(&self) -> StepCounts {
-        self.counts
+        let blocks = self.parting.blocks() as u64;
+        StepCounts { looks: self.looked_at.div_ceil(blocks.max(1)), ..self.counts }
     }
 
     /// Gives the world the step it is to take next; false when the interval is over. To be called before every step, and
@@ -134,7 +141,7 @@ impl StepControl {
         if self.modulus.is_none() {
             limit = limit.max(finest.min(self.limits.promise));
         }
-        let limit = limit.min(parting_limit(world, interval.dt).max(finest));
+        let limit = limit.min(self.parting_limit(world, interval.dt).max(finest));
         let begins = !std::mem::replace(&mut interval.begun, true);
         let dt = world.dt();
         let fits = dt <= TOLERATED * limit;
@@ -161,8 +168,9 @@ impl StepControl {
     /// Takes note of a step just taken.
     pub fn stepped(&mut self, world: &World, interval: &mut Interval) {
         interval.left -= 1;
-        self.moved += 2.0 * world.longest_move();
         let dt = world.dt();
+        let short = if self.needs_no_look(world, interval.dt) { PARTING * dt / interval.dt } else { NOT_COMPARED };
+        self.parting.stepped(world, short * world.lattice().pitch);
         self.counts.steps += 1;
         self.counts.shortest_dt = self.counts.shortest_dt.min(dt);
         if dt < interval.dt * (1.0 - 1e-6) {
@@ -171,33 +179,53 @@ impl StepControl {
         }
     }
 
-    /// The largest stable step for the shape at the last look [s], looking again if it may have changed.
-    fn limit(&mut self, world: &World, planned: f64) -> f64 {
-        // Springs alone never need less than promised.
-        if self.limits.rest.is_infinite()
+    /// Springs alone never need less than promised.
+    fn needs_no_look(&self, world: &World, planned: f64) -> bool {
+        self.limits.rest.is_infinite()
             || (self.modulus.is_none() && planned <= TOLERATED * self.limits.promise && world.dt() == planned)
-        {
+    }
+
+    /// The largest stable step [s]; looks again at the blocks whose shape may have changed.
+    fn limit(&mut self, world: &World, planned: f64) -> f64 {
+        if self.needs_no_look(world, planned) {
             return self.limits.sharp;
         }
-        if let Some(limit) = self.limit {
-            let room = (limit / world.dt()).powi(2) - 1.0;
-            let growth = GROWTH[usize::from(self.modulus.is_some())];
-            let allowed = (room / growth).clamp(LOOK_AGAIN[0], LOOK_AGAIN[1]) * world.lattice().pitch;
-            if self.moved < allowed {
-                return limit;
+        let blocks = world.layout.blocks.len();
+        let again: Vec<usize> = if self.rate.is_empty() {
+            self.rate = vec![0.0; blocks];
+            (0..blocks).collect()
+        } else {
+            (0..blocks).filter(|&block| self.parting.moved(block) >= self.allowed(world, block)).collect()
+        };
+        if !again.is_empty() {
+            self.forget_severed_cells(world);
+            let rates = self.stiffest_of(world, &again);
+            for (&block, rate) in again.iter().zip(rates) {
+                self.rate[block] = rate;
+                self.parting.forget(block);
             }
+            self.looked_at += again.len() as u64;
         }
-        self.counts.looks += 1;
-        self.moved = 0.0;
-        let limit = self.look(world);
-        self.limit = Some(limit);
-        limit
+        self.limit_of(4.0 / f64::from(self.rate.iter().copied().fold(0.0, f32::max)))
+    }
+
+    /// How far neighbours in a block may part until its share of the limit can have come down to the present step [m].
+    fn allowed(&self, world: &World, block: usize) -> f64 {
+        let Limits { rest, sharp, .. } = self.limits;
+        let may_become = square(world.dt()) - square(sharp) + square(rest);
+        let room = may_become / (f64::from(self.rate[block]) / 4.0).powi(2).max(f64::MIN_POSITIVE) - 1.0;
+        let growth = GROWTH[usize::from(self.modulus.is_some())];
+        (room / growth).clamp(LOOK_AGAIN[0], LOOK_AGAIN[1]) * world.lattice().pitch
     }
 
     /// The largest stable step for the world's present shape [s].
     pub fn look(&mut self, world: &World) -> f64 {
         let now = self.blocks_limit(world);
-        let square = |dt: f64| (1.0 / dt).powi(2);
+        self.limit_of(now)
+    }
+
+    /// The limit of a shape [s] from that of its blocks.
+    fn limit_of(&self, now: f64) -> f64 {
         let Limits { rest, sharp, .. } = self.limits;
         1.0 / (square(sharp) + (square(now) - square(rest)).max(0.0)).sqrt()
     }
@@ -205,14 +233,17 @@ impl StepControl {
     /// The rigorous limit of the present shape, by the blocks alone [s].
     pub fn blocks_limit(&mut self, world: &World) -> f64 {
         self.forget_severed_cells(world);
-        let fastest: Vec<f32> = (0..world.layout.blocks.len())
-            .into_par_iter()
-            .map_init(Buffers::new, |buffers, block| {
-                self.rates(world, block, buffers);
-                buffers.rate.iter().copied().fold(0.0, f32::max)
-            })
-            .collect();
-        4.0 / f64::from(fastest.into_iter().fold(0.0, f32::max))
+        let all: Vec<usize> = (0..world.layout.blocks.len()).collect();
+        4.0 / f64::from(self.stiffest_of(world, &all).into_iter().fold(0.0, f32::max))
+    }
+
+    /// The largest rate in each of some blocks.
+    fn stiffest_of(&self, world: &World, blocks: &[usize]) -> Vec<f32> {
+        let stiffest = |buffers: &mut Box<Buffers>, &block: &usize| {
+            self.rates(world, block, buffers);
+            buffers.rate.iter().copied().fold(0.0, f32::max)
+        };
+        blocks.par_iter().map_init(Buffers::new, stiffest).collect()
     }
 
     /// `4 / dt` of each slot's own limit `dt`.
@@ -247,6 +278,14 @@ impl StepControl {
                 }
             }
         }
+    }
+
+    /// The step in which the fastest neighbours part by [`PARTING`] [s]; infinite while that is more than planned.
+    fn parting_limit(&self, world: &World, planned: f64) -> f64 {
+        let most = PARTING * world.lattice().pitch;
+        let slow = most / planned;
+        let speed = self.parting.fastest(world, slow);
+        if speed <= slow { f64::INFINITY } else { most / speed }
     }
 
     fn stiffest_particle(&self, world: &World) -> u32 {
@@ -289,15 +328,9 @@ impl StepControl {
     }
 }
 
-/// The step in which the fastest neighbours part by [`PARTING`] [s]. Free while that is clearly more than planned.
-fn parting_limit(world: &World, planned: f64) -> f64 {
-    let most = PARTING * world.lattice().pitch;
-    let slow = most / planned;
-    if 2.0 * world.longest_move() / world.dt() <= slow {
-        return f64::INFINITY;
-    }
-    let speed = world.fastest_parting(slow);
-    if speed <= slow { f64::INFINITY } else { most / speed }
+/// `1 / dt^2`, which adds.
+fn square(dt: f64) -> f64 {
+    (1.0 / dt).powi(2)
 }
 
 struct Buffers {

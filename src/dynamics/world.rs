@@ -115,8 +115,8 @@ pub struct World {
     steps: u64,
     /// Time and number of steps when the step was last changed.
     since: (f64, u64),
-    /// Largest squared speed in the last step [m^2/s^2].
-    fastest_squared: f32,
+    /// Largest squared speed of each block in the last step [m^2/s^2].
+    fastest_squared: Vec<f32>,
 }
 
 impl World {
@@ -157,7 +157,7 @@ impl World {
             dt,
             steps: 0,
             since: (0.0, 0),
-            fastest_squared: 0.0,
+            fastest_squared: vec![0.0; layout.blocks.len()],
             lattice,
             topology,
             assembly,
@@ -327,12 +327,17 @@ impl World {
     /// If a velocity is not finite or outruns the lattice; places are left as they were before the step, velocities are
     /// not.
     pub fn step(&mut self) -> Result<(), StepError> {
+        // Handed to the workers once: small lattices would wait for them longer than they compute.
+        rayon::scope(|_| self.step_among_workers())
+    }
+
+    fn step_among_workers(&mut self) -> Result<(), StepError> {
         let mut fastest = self.kick();
         self.load_bodies();
         self.apply_drives(&mut fastest);
         self.advance_bodies(&mut fastest);
         self.check(&fastest)?;
-        self.fastest_squared = fastest.iter().copied().fold(0.0, f32::max);
+        self.fastest_squared = fastest;
         self.drift();
         self.settle_bodies();
         self.steps += 1;
@@ -420,18 +425,6 @@ impl World {
             dt: self.dt,
             cause: self.likely_cause(),
         })
-    }
-
-    /// The largest speed at which joined particles part or meet [m/s]; `slow` or less when none is faster than that.
-    pub(super) fn fastest_parting(&self, slow: f64) -> f64 {
-        let blocks = self.layout.blocks.len();
-        let spans: Vec<VelocitySpan> = (0..blocks).into_par_iter().map(|block| self.velocity_span(block)).collect();
-        let of_block = |block: usize| {
-            let around = self.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
-            let span = around.fold(VelocitySpan::EMPTY, |span, &other| span.joined(spans[other as usize]));
-            if span.width() <= slow { slow } else { self.parting(block, true).map_or(slow, |(speed, _)| speed) }
-        };
-        (0..blocks).into_par_iter().map(of_block).reduce(|| 0.0, f64::max)
     }
 
     /// Smallest and largest velocity of a block's particles that have springs.
@@ -575,7 +568,12 @@ impl World {
 
     /// Largest distance any particle covered in the last step [m]; 0 before the first.
     pub fn longest_move(&self) -> f64 {
-        f64::from(self.fastest_squared).sqrt() * self.dt
+        f64::from(self.fastest_squared.iter().copied().fold(0.0, f32::max)).sqrt() * self.dt
+    }
+
+    /// Largest squared speed of each block in the last step [m^2/s^2]; 0 before the first.
+    pub(super) fn fastest_of_blocks(&self) -> &[f32] {
+        &self.fastest_squared
     }
 
     /// Brings a slot's weight in line with who claims it.

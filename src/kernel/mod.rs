@@ -5,11 +5,13 @@
 //! plainly and in f64; [`halo`] copies a block and one layer around it into a small buffer; [`volume`] and [`rows`] are
 //! the fast bodies over that buffer, of the cells and of the springs; [`dispatch`] compiles them for several instruction
 //! sets and picks one at run time. [`linear`] and [`tangent`] are their relatives for the stable step: the stiffness
-//! matrix at rest times a vector, and a bound on the tangent stiffness as the lattice stands now.
+//! matrix at rest times a vector, and a bound on the tangent stiffness as the lattice stands now; [`parting`] tells
+//! where that may have changed.
 
 pub mod dispatch;
 pub mod halo;
 pub mod linear;
+pub mod parting;
 pub mod reference;
 pub mod rows;
 pub mod tangent;

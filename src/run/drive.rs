@@ -74,28 +74,21 @@ pub fn drive<O: Observer>(
     schedule: &Schedule,
     observer: &mut O,
 ) -> Result<StepCounts, DriveError<O::Error>> {
-    let mut control = StepControl::new(world, schedule.limits);
+    let mut stepper = Stepper::new(world, schedule);
     let show = |number: u64, world: &World, observer: &mut O| {
         let volume = cell_volume(world.lattice(), world.topology(), |particle| world.displacement(particle));
         let frame = Frame { number, world, balance: balance(world), volume };
         observer.frame(&frame).map_err(DriveError::Observer)
     };
     show(0, world, observer)?;
-    let mut planned = 0;
     for number in 1..=schedule.frames {
-        let due = schedule.step_of_frame(number);
-        while planned < due {
-            let steps = if schedule.asked { 1 } else { due - planned };
-            planned += steps;
-            let mut interval = Interval::new(planned as f64 * schedule.dt, schedule.dt, steps);
-            while control.plan(world, &mut interval)? {
-                for event in timeline.advance(world) {
-                    observer.event(&event).map_err(DriveError::Observer)?;
-                }
-                world.step()?;
-                control.stepped(world, &mut interval);
-                observer.step(world);
+        while stepper.ready(world, schedule.step_of_frame(number))? {
+            for event in timeline.advance(world) {
+                observer.event(&event).map_err(DriveError::Observer)?;
             }
+            world.step()?;
+            stepper.stepped(world);
+            observer.step(world);
         }
         if number == schedule.frames {
             for event in timeline.finish(world) {
@@ -104,5 +97,42 @@ pub fn drive<O: Observer>(
         }
         show(number, world, observer)?;
     }
-    Ok(control.counts())
+    Ok(stepper.control.counts())
+}
+
+/// Takes a world through the planned steps of a schedule, divided where the tissue asks for it.
+pub(super) struct Stepper {
+    control: StepControl,
+    schedule: Schedule,
+    /// Steps of the schedule that are begun.
+    planned: u64,
+    interval: Interval,
+}
+
+impl Stepper {
+    pub(super) fn new(world: &World, schedule: &Schedule) -> Self {
+        let control = StepControl::new(world, schedule.limits);
+        Self { control, schedule: *schedule, planned: 0, interval: Interval::new(0.0, schedule.dt, 0) }
+    }
+
+    /// Gives the world its next step; false when it stands where step `due` of the schedule ends.
+    pub(super) fn ready(&mut self, world: &mut World, due: u64) -> Result<bool, StepError> {
+        loop {
+            if self.control.plan(world, &mut self.interval)? {
+                return Ok(true);
+            }
+            if self.planned >= due {
+                return Ok(false);
+            }
+            // Frames come between chosen steps as wholes; steps that were asked for are kept one by one.
+            let steps = if self.schedule.asked { 1 } else { due - self.planned };
+            self.planned += steps;
+            self.interval = Interval::new(self.planned as f64 * self.schedule.dt, self.schedule.dt, steps);
+        }
+    }
+
+    /// Takes note of a step just taken.
+    pub(super) fn stepped(&mut self, world: &World) {
+        self.control.stepped(world, &mut self.interval);
+    }
 }

@@ -184,6 +184,15 @@ impl Schedule {
         Ok(Self { dt, stable_dt: limits.sharp, limits, asked: false, steps, frames })
     }
 
+    /// What the stable step is the limit of, in words.
+    pub fn limit_in_words(&self) -> &'static str {
+        match self.limits {
+            Limits { rest, .. } if rest.is_infinite() => "no spring limits the step",
+            Limits { rest, sharp, .. } if sharp > rest => "sharpened: the limit of the whole lattice at rest",
+            _ => "the limit at rest, particle by particle",
+        }
+    }
+
     /// After how many steps a frame is due; frame 0 is the start.
     pub fn step_of_frame(&self, frame: u64) -> u64 {
         (u128::from(frame) * u128::from(self.steps) / u128::from(self.frames)) as u64

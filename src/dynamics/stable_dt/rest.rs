@@ -1,5 +1,7 @@
 //! Bounds from the 3 x 3 blocks of the stiffness matrix, particle by particle, in f64.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, direction_of, family};
@@ -9,22 +11,28 @@ use crate::material::{Assembly, SpringConstants};
 /// A symmetric 3 x 3 matrix: xx, yy, zz, yz, xz, xy.
 type Symmetric = [f64; 6];
 
+/// Particles that one task works through.
+const CHUNK: u32 = 4096;
+
 /// Promise and rest limit [s].
 pub(super) fn limits(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> (f64, f64) {
     let blocks = Blocks::new(lattice, topology, assembly);
-    (0..lattice.len() as u32)
-        .into_par_iter()
-        .map(|particle| {
+    let smaller = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.min(b.1));
+    let of_chunk = |particles: Range<u32>| {
+        let mut largest = Largest::default();
+        particles.fold((f64::INFINITY, f64::INFINITY), |least, particle| {
             let mass = f64::from(assembly.mass[particle as usize]);
             if mass <= 0.0 {
-                return (f64::INFINITY, f64::INFINITY);
+                return least;
             }
             let around = Around::of(lattice, particle);
             let (stiffness, damping) = (blocks.stiffness(particle, &around), blocks.damping(particle, &around));
             let promise = largest_dt(trace(&stiffness) / mass, trace(&damping) / mass);
-            (promise, largest_dt(largest_eigenvalue(&stiffness) / mass, largest_eigenvalue(&damping) / mass))
+            let [k, c] = largest.of(stiffness, damping);
+            smaller(least, (promise, largest_dt(k / mass, c / mass)))
         })
-        .reduce(|| (f64::INFINITY, f64::INFINITY), |a, b| (a.0.min(b.0), a.1.min(b.1)))
+    };
+    chunks(lattice).into_par_iter().map(of_chunk).reduce(|| (f64::INFINITY, f64::INFINITY), smaller)
 }
 
 /// How long each particle's damping remembers: damping over stiffness of its block at rest [s].
@@ -42,16 +50,38 @@ pub(crate) fn damping_times(lattice: &Lattice, topology: &Topology, assembly: &A
         return DampingTimes::Same(0.0);
     }
     let blocks = Blocks::new(lattice, topology, assembly);
-    let times: Vec<f32> = (0..lattice.len() as u32)
-        .into_par_iter()
-        .map(|particle| {
+    let of_chunk = |particles: Range<u32>| -> Vec<f32> {
+        let mut largest = Largest::default();
+        let time = |particle| {
             let around = Around::of(lattice, particle);
-            let stiffness = largest_eigenvalue(&blocks.stiffness(particle, &around));
-            let damping = largest_eigenvalue(&blocks.damping(particle, &around));
-            if stiffness > 0.0 { (damping / stiffness) as f32 } else { 0.0 }
-        })
-        .collect();
-    DampingTimes::PerParticle(times)
+            let [k, c] = largest.of(blocks.stiffness(particle, &around), blocks.damping(particle, &around));
+            if k > 0.0 { (c / k) as f32 } else { 0.0 }
+        };
+        particles.map(time).collect()
+    };
+    DampingTimes::PerParticle(chunks(lattice).into_par_iter().flat_map_iter(of_chunk).collect())
+}
+
+fn chunks(lattice: &Lattice) -> Vec<Range<u32>> {
+    let particles = lattice.len() as u32;
+    (0..particles).step_by(CHUNK as usize).map(|first| first..particles.min(first.saturating_add(CHUNK))).collect()
+}
+
+/// Largest eigenvalues of pairs of blocks; inside an organ most are those of the particle before.
+#[derive(Default)]
+struct Largest {
+    blocks: [Symmetric; 2],
+    found: [f64; 2],
+}
+
+impl Largest {
+    fn of(&mut self, stiffness: Symmetric, damping: Symmetric) -> [f64; 2] {
+        let blocks = [stiffness, damping];
+        if blocks != self.blocks {
+            *self = Self { blocks, found: blocks.each_ref().map(largest_eigenvalue) };
+        }
+        self.found
+    }
 }
 
 /// `a dt^2 + 2 b dt = 4`, solved without cancellation.
@@ -63,6 +93,8 @@ fn largest_dt(a: f64, b: f64) -> f64 {
 struct Blocks<'a> {
     lattice: &'a Lattice,
     alive: &'a [u32],
+    /// No spring is severed: one that shares no cell has no constant either.
+    uncut: bool,
     assembly: &'a Assembly,
     modulus: Option<Vec<f32>>,
     viscosity: Option<Vec<f32>>,
@@ -75,6 +107,7 @@ impl<'a> Blocks<'a> {
         Self {
             lattice,
             alive: topology.alive(),
+            uncut: topology.severed().is_empty(),
             assembly,
             modulus: volume.map(|volume| whole(&volume.modulus)),
             viscosity: volume.and_then(|volume| volume.viscosity.as_deref().map(whole)),
@@ -99,7 +132,18 @@ impl<'a> Blocks<'a> {
         cells: Option<&[f32]>,
     ) -> Symmetric {
         let mut block = [0.0; 6];
-        if let Some(springs) = springs {
+        if let (true, Some(SpringConstants::SumOfCells { cell, weight })) = (self.uncut, springs) {
+            // Cell by cell, all springs of a cell and family at once.
+            for (corner, dyads) in around.cells.iter().zip(&OCTANT_DYADS) {
+                let value = 2.0 * cell.get(*corner as usize).map_or(0.0, |&value| f64::from(value));
+                for (weight, dyad) in weight.iter().zip(dyads) {
+                    let k = value * f64::from(*weight);
+                    for (entry, share) in block.iter_mut().zip(dyad) {
+                        *entry += k * share;
+                    }
+                }
+            }
+        } else if let Some(springs) = springs {
             let alive = self.alive[particle as usize];
             around.for_each_spring(self.lattice, particle, springs, alive, |direction, k| {
                 for (entry, share) in block.iter_mut().zip(&DYADS[direction]) {
@@ -239,6 +283,29 @@ const fn octants() -> [u8; NEIGHBOURS] {
         d += 1;
     }
     masks
+}
+
+/// Sum of `n n^T` over the springs of each family that a particle has in the cell of an octant.
+const OCTANT_DYADS: [[Symmetric; 3]; 8] = octant_dyads();
+
+const fn octant_dyads() -> [[Symmetric; 3]; 8] {
+    let mut sums = [[[0.0; 6]; 3]; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        let mut d = 0;
+        while d < NEIGHBOURS {
+            if OCTANTS[d] >> octant & 1 == 1 {
+                let mut entry = 0;
+                while entry < 6 {
+                    sums[octant][family(d) - 1][entry] += DYADS[d][entry];
+                    entry += 1;
+                }
+            }
+            d += 1;
+        }
+        octant += 1;
+    }
+    sums
 }
 
 /// The values of the cells whose 28 springs are all alive; 0 for the others. Shape `[particles]`.

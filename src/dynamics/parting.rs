@@ -1,0 +1,127 @@
+//! How fast and how far neighbours have parted, block by block: what tells which blocks' shapes may have changed.
+//!
+//! However fast a body flies or swings, its shape and with it its stable step stay; so velocities are compared within cells
+//! and along springs. Measuring costs about a tenth of a step (`kernel::parting`), and nothing where all is slow.
+
+use rayon::prelude::*;
+
+use super::world::World;
+use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::parting::{fastest_spring, widest_cell};
+use crate::lattice::layout::{BLOCK_LEN, NO_BLOCK};
+use crate::lattice::neighbours::NEIGHBOURS;
+
+/// Parting of the neighbours in each block of a world.
+pub(super) struct Parting {
+    /// 1 where a particle is, else 0.
+    present: Vec<f32>,
+    /// A spring of the block has been severed: its cells hold particles that may part as they like.
+    cut: Vec<bool>,
+    /// Severed springs that `cut` knows of.
+    severed: usize,
+    /// Neighbours of the block part at most so fast [m/s].
+    speed: Vec<f64>,
+    /// They may have parted by so much since the block was last forgotten [m].
+    moved: Vec<f64>,
+}
+
+impl Parting {
+    pub(super) fn new(world: &World) -> Self {
+        let blocks = world.layout.blocks.len();
+        let mut present = vec![0.0; world.layout.slots()];
+        for &slot in &world.layout.slot {
+            present[slot as usize] = 1.0;
+        }
+        Self { present, cut: vec![false; blocks], severed: 0, speed: vec![0.0; blocks], moved: vec![0.0; blocks] }
+    }
+
+    pub(super) fn blocks(&self) -> usize {
+        self.speed.len()
+    }
+
+    /// Takes note of a step just taken. Neighbours in blocks where no particle moved further than half of `short` [m] are not
+    /// compared, but taken to part as fast as they can.
+    pub(super) fn stepped(&mut self, world: &World, short: f64) {
+        self.notice_cuts(world);
+        let dt = world.dt();
+        let fastest: Vec<f64> = world.fastest_of_blocks().iter().map(|&squared| f64::from(squared).sqrt()).collect();
+        let Self { present, cut, speed, moved, .. } = self;
+        let (present, cut) = (&*present, &*cut);
+        speed.par_iter_mut().zip(moved).enumerate().with_min_len(4).for_each_init(
+            Buffers::new,
+            |buffers, (block, to)| {
+                let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
+                let at_most = 2.0 * around.map(|&other| fastest[other as usize]).fold(0.0, f64::max);
+                let (speed, moved) = to;
+                *speed = if at_most * dt <= short {
+                    at_most
+                } else if cut[block] {
+                    buffers.fastest_spring(world, block)
+                } else {
+                    at_most.min(buffers.widest_cell(world, present, block))
+                };
+                *moved += *speed * dt;
+            },
+        );
+    }
+
+    /// Neighbours of a block may have parted by so much since it was forgotten [m].
+    pub(super) fn moved(&self, block: usize) -> f64 {
+        self.moved[block]
+    }
+
+    pub(super) fn forget(&mut self, block: usize) {
+        self.moved[block] = 0.0;
+    }
+
+    /// The largest speed at which joined particles part or meet [m/s]; `slow` when none is faster than that.
+    pub(super) fn fastest(&self, world: &World, slow: f64) -> f64 {
+        let fast: Vec<usize> = (0..self.speed.len()).filter(|&block| self.speed[block] > slow).collect();
+        let exact = |buffers: &mut Box<Buffers>, block| buffers.fastest_spring(world, block);
+        fast.into_par_iter().map_init(Buffers::new, exact).reduce(|| slow, f64::max)
+    }
+
+    fn notice_cuts(&mut self, world: &World) {
+        let severed = world.topology().severed();
+        let lattice = world.lattice();
+        for spring in &severed[self.severed..] {
+            let far = lattice.neighbour(spring.particle, usize::from(spring.direction));
+            for end in [Some(spring.particle), far].into_iter().flatten() {
+                // The corners of the spring's cells are neighbours of its ends.
+                let around = (0..NEIGHBOURS).filter_map(|direction| lattice.neighbour(end, direction));
+                for corner in around.chain([end]) {
+                    self.cut[world.layout.slot[corner as usize] as usize / BLOCK_LEN] = true;
+                }
+            }
+        }
+        self.severed = severed.len();
+    }
+}
+
+struct Buffers {
+    velocity: [Halo; 3],
+    present: Halo,
+}
+
+impl Buffers {
+    fn new() -> Box<Self> {
+        Box::new(Self { velocity: [[0.0; HALO_LEN]; 3], present: [0.0; HALO_LEN] })
+    }
+
+    fn gather_velocity(&mut self, world: &World, block: usize) {
+        for (field, halo) in world.velocity.iter().zip(&mut self.velocity) {
+            gather(field, &world.layout.neighbours[block], halo);
+        }
+    }
+
+    fn widest_cell(&mut self, world: &World, present: &[f32], block: usize) -> f64 {
+        self.gather_velocity(world, block);
+        gather(present, &world.layout.neighbours[block], &mut self.present);
+        f64::from(widest_cell(self.velocity.each_ref(), &self.present)).sqrt()
+    }
+
+    fn fastest_spring(&mut self, world: &World, block: usize) -> f64 {
+        self.gather_velocity(world, block);
+        f64::from(fastest_spring(self.velocity.each_ref(), world.living_springs(block))).sqrt()
+    }
+}
