@@ -111,7 +111,10 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
 fn of_organ(number: u8, organ: &Organ, lattice: &Lattice, assembly: &Assembly) -> Value {
     let particles = lattice.organ.iter().filter(|&&o| o == number).count();
     let mut facts = json!({ "name": organ.name, "particles": particles, "body": organ.body, "solid": Value::Null });
-    if let Some(bulk) = Bulk::of_organ(lattice, assembly, number) {
+    // Springs inside a rigid body do nothing, so they make no solid.
+    if let Some(bulk) = Bulk::of_organ(lattice, assembly, number)
+        && !matches!(organ.body, Body::Rigid { .. })
+    {
         facts["solid"] = of_bulk(&bulk);
     }
     facts
@@ -262,7 +265,7 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
     lines.push(String::new());
     write_columns(rows, "", lines);
     let isotropic = |organ: &&&Value| organ["solid"]["isotropic"].as_bool() != Some(false);
-    if organs.iter().any(|organ| organ["solid"].is_null() && organ["body"] != "rigid") {
+    if organs.iter().any(|organ| organ["solid"].is_null() && organ["body"]["rigid"].is_null()) {
         lines.push(
             "-: too thin for a material of its own: no particle has all its 26 neighbours in the organ".to_owned(),
         );
@@ -307,6 +310,12 @@ fn different(values: &[String], between: &str) -> String {
 
 /// A body's constants as scenes in JSON name them.
 fn body_text(body: &Value) -> String {
+    if let Some(rigid) = body.get("rigid") {
+        return match rigid["density_kg_per_m3"].as_f64() {
+            Some(density) => format!("rigid and free to move, density_kg_per_m3 {}", digits(density, 4)),
+            None => "rigid, stays where it is unless it is moved".to_owned(),
+        };
+    }
     match body.as_object().and_then(|body| body.values().next()).and_then(Value::as_object) {
         None => body.as_str().unwrap_or_default().to_owned(),
         Some(constants) => constants
