@@ -93,7 +93,7 @@ fn scenes_that_make_no_sense() {
         "min = [50, 1, 15], max = [60, 9, 31]",
         &["`hand`", "selects no particle", "mm", "move or enlarge"],
     );
-    refuse_scene("dt = 5e-4", "dt = 5e-3", &["time.dt = 5e-3 s", "not stable", "1.408e-3 s", "leave time.dt out"]);
+    refuse_scene("dt = 5e-4", "dt = 5e-3", &["time.dt = 5e-3 s", "not stable", "2.572e-3 s", "leave time.dt out"]);
     refuse_scene("stiffness", "stifness", &["cube.toml", "`stifness`", "did you mean `stiffness`"]);
     refuse_scene("mass = 2.3e-4", "mass = -1", &["cube.toml", "mass", "-1"]);
     refuse_scene("spacing = 6.0", "spacing = 0.01", &["volume.spacing", "0.01", "0.5 to 10 mm"]);

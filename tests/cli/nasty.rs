@@ -150,7 +150,7 @@ fn extreme_scenes_that_can_be_run_stay_finite() {
         ("damping 1e30", with(CUBE, &[("damping = 1e-3", "damping = 1e30"), ("dt = 5e-4", "dt = 8e-36"), early])),
         ("mass 1e30", with(CUBE, &[("mass = 2.3e-4", "mass = 1e30")])),
         ("modulus 1e30", with(&tissue(), &[("5e3", "1e30"), ("duration = 0.02", "duration = 1e-15")])),
-        ("pitch 25", with(&tissue(), &[("[lattice]", "[lattice]\npitch = 25")])),
+        ("pitch 20", with(&tissue(), &[("[lattice]", "[lattice]\npitch = 20")])),
         ("free fall", {
             let table =
                 "[[fix]]\nname = \"table\"\nregion = { half_space = { point = [0, 0, -24], normal = [0, 0, -1] } }\n";
