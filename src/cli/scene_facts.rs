@@ -270,6 +270,12 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
             "-: too thin for a material of its own: no particle has all its 26 neighbours in the organ".to_owned(),
         );
     }
+    for organ in organs.iter().filter(|organ| varies(&organ["body"]) && !organ["solid"].is_null()) {
+        lines.push(format!(
+            "{}: its modulus differs from cell to cell; the figures above are those at one particle inside",
+            organ["name"].as_str().unwrap_or_default()
+        ));
+    }
     for organ in organs.iter().filter(|organ| !isotropic(organ)) {
         let solid = &organ["solid"];
         lines.push(String::new());
@@ -299,6 +305,11 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
             cell(&solid["bulk_modulus_pa"])
         ));
     }
+}
+
+/// Whether a body takes its modulus from the CT or from a volume.
+fn varies(body: &Value) -> bool {
+    body["tissue"]["youngs_modulus_pa"].as_object().is_some_and(|modulus| !modulus.contains_key("constant"))
 }
 
 /// Values as text, once if they read alike.

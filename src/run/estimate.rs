@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::prepare::Schedule;
 use crate::dynamics::measure::{balance, cell_volume};
+use crate::dynamics::step_control::{Interval, StepControl};
 use crate::dynamics::timeline::Timeline;
 use crate::dynamics::{StepError, World};
 
@@ -22,8 +23,9 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Steps a world for about `budget`, at least three steps and at most all of the schedule's, with the operations that are
-    /// due. The first step, which meets cold memory, is not timed. The world is left where it came to.
+    /// Steps a world for about `budget`, at least three steps and at most all of the schedule, with the operations that are due
+    /// and the step divided where a run would. The first step, which meets cold memory, is not timed. The world is left
+    /// where it came to.
     ///
     /// # Errors
     /// If the state diverges within these steps.
@@ -33,15 +35,26 @@ impl Pace {
         schedule: &Schedule,
         budget: Duration,
     ) -> Result<Self, StepError> {
-        timeline.advance(world);
-        world.step()?;
-        let started = Instant::now();
-        let mut timed_steps = 0;
-        while timed_steps < LEAST_STEPS || (started.elapsed() < budget && timed_steps + 1 < schedule.steps) {
-            timeline.advance(world);
-            world.step()?;
-            timed_steps += 1;
+        let mut control = StepControl::new(world, schedule.limits);
+        let most = schedule.steps.max(LEAST_STEPS + 1);
+        let (mut planned, mut taken, mut started) = (0, 0_u64, Instant::now());
+        'steps: while planned < most {
+            let steps = if schedule.asked { 1 } else { most };
+            planned += steps;
+            let mut interval = Interval::new(planned as f64 * schedule.dt, schedule.dt, steps);
+            while control.plan(world, &mut interval)? {
+                timeline.advance(world);
+                world.step()?;
+                control.stepped(world, &mut interval);
+                taken += 1;
+                if taken == 1 {
+                    started = Instant::now();
+                } else if taken > LEAST_STEPS && started.elapsed() >= budget {
+                    break 'steps;
+                }
+            }
         }
+        let timed_steps = taken.saturating_sub(1).max(1);
         let step = started.elapsed().as_secs_f64() / timed_steps as f64;
         let started = Instant::now();
         std::hint::black_box(balance(world));
@@ -50,7 +63,8 @@ impl Pace {
         Ok(Self { timed_steps, step, frame: started.elapsed().as_secs_f64() })
     }
 
-    /// Estimated time of a whole schedule at this pace [s]. Other load, cuts still to come and a slow disk make it longer.
+    /// Estimated time of a whole schedule at this pace [s]. Other load, cuts still to come, steps that have to be
+    /// divided later and a slow disk make it longer.
     pub fn of(&self, schedule: &Schedule) -> f64 {
         schedule.steps as f64 * self.step + (schedule.frames + 1) as f64 * self.frame
     }
