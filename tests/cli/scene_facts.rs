@@ -53,7 +53,7 @@ fn a_paper_scene_amounts_to_a_solid_in_every_direction() {
     }
     folder.yawara(&["info", "cube.toml"]).done().prints(&[
         "1000 particles, 10476 springs, 729 cells",
-        "as the scene asks; 0.36 of the stable bound",
+        "as the scene asks; 0.20 of the stable bound",
         "springs, dampers, 1 cut, 1 fixed region, 1 force",
         "an estimate",
         "cube: not isotropic",
