@@ -254,10 +254,15 @@ pub(super) enum KindChoice {
 /// Of a scene: size, memory, materials as assembled, stable step, effects, and how long a run will take; for that it is stepped
 /// for about 0.3 s. Nothing is written.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  yawara info ct.nii.gz\n  yawara info fixtures/scenes/quickstart.toml --json")]
+#[command(after_help = "Examples:\n  yawara info ct.nii.gz\n  yawara info fixtures/scenes/quickstart.toml --json\n  \
+                        yawara info --materials")]
 pub(super) struct InfoArguments {
     /// NIfTI volume, scene (TOML), mesh or run directory.
-    pub(super) path: PathBuf,
+    #[arg(required_unless_present = "materials")]
+    pub(super) path: Option<PathBuf>,
+    /// Tell which tissues scenes know by name (`material = "liver"`), their constants, and where these come from.
+    #[arg(long, conflicts_with = "path")]
+    pub(super) materials: bool,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

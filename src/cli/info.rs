@@ -6,17 +6,22 @@ use serde_json::{Value, json};
 
 use super::args::InfoArguments;
 use super::exit::Outcome;
-use super::facts::text;
+use super::facts::{digits, text, write_columns};
 use super::mesh::open;
 use super::messages::{Messages, out};
 use super::scene_facts;
 use super::source::{Source, label_map};
 use crate::io::mesh_format::MeshFormat;
 use crate::io::nifti::{VolumeInfo, read_ct, read_info};
+use crate::material::library::{Tissue, tissues};
 use crate::surface::check::check;
 
 pub(super) fn info(arguments: &InfoArguments, messages: &Messages) -> anyhow::Result<Outcome> {
-    let path = &arguments.path;
+    // Without a path, clap has seen to it that materials are asked for.
+    let Some(path) = &arguments.path else {
+        out(&if arguments.json { materials_json().to_string() } else { materials_text() })?;
+        return Ok(Outcome::Done);
+    };
     let facts = match Source::of(path)? {
         Source::Run => of_run(path, messages)?,
         Source::Scene => scene_facts::facts(path, messages)?,
@@ -29,6 +34,70 @@ pub(super) fn info(arguments: &InfoArguments, messages: &Messages) -> anyhow::Re
         _ => text(&facts),
     })?;
     Ok(Outcome::Done)
+}
+
+fn materials_json() -> Value {
+    let materials: Vec<Value> = tissues()
+        .iter()
+        .map(|tissue| {
+            json!({
+                "name": tissue.name,
+                "synonyms": tissue.synonyms,
+                "youngs_modulus_pa": tissue.youngs_modulus,
+                "youngs_modulus_range_pa": tissue.youngs_modulus_range,
+                "poissons_ratio": tissue.poissons_ratio,
+                "density_kg_per_m3": tissue.density,
+                "note": tissue.note,
+                "sources": tissue.sources,
+            })
+        })
+        .collect();
+    json!({ "kind": "materials", "materials": materials })
+}
+
+/// A table of the constants, then each tissue with its note and sources. Works cited by several tissues stand in a list of
+/// their own and are referred to by number.
+fn materials_text() -> String {
+    let mut rows = vec![["name", "E [Pa]", "from", "to", "nu", "density [kg/m^3]", "also"].map(str::to_owned).to_vec()];
+    let mut cited: Vec<&str> = Vec::new();
+    let mut notes = Vec::new();
+    for tissue in tissues() {
+        let Tissue {
+            name,
+            synonyms,
+            youngs_modulus,
+            youngs_modulus_range: [low, high],
+            poissons_ratio,
+            density,
+            note,
+            ..
+        } = tissue;
+        let mut row = vec![(*name).to_owned()];
+        row.extend([*youngs_modulus, *low, *high, *poissons_ratio, *density].map(|value| digits(value, 3)));
+        row.push(synonyms.join(", "));
+        rows.push(row);
+        let numbers: Vec<String> = tissue
+            .sources
+            .iter()
+            .map(|source| {
+                let place = cited.iter().position(|known| known == source).unwrap_or_else(|| {
+                    cited.push(source);
+                    cited.len() - 1
+                });
+                format!("[{}]", place + 1)
+            })
+            .collect();
+        notes.push(vec![(*name).to_owned(), format!("{note} {}", numbers.join(" "))]);
+    }
+    let mut lines = Vec::new();
+    write_columns(rows, "", &mut lines);
+    lines.push("\nE: Young's modulus, the value taken and the range of the sources; nu: Poisson's ratio.\n".to_owned());
+    write_columns(notes, "", &mut lines);
+    lines.push("\nSources".to_owned());
+    let sources =
+        cited.iter().enumerate().map(|(place, source)| vec![format!("[{}]", place + 1), (*source).to_owned()]);
+    write_columns(sources.collect(), "", &mut lines);
+    lines.join("\n")
 }
 
 fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Value> {

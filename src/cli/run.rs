@@ -17,6 +17,7 @@ use crate::dynamics::timeline::{Event, Timeline, What};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
+use crate::run::meshes::organ_volumes;
 use crate::run::prepare::prepare;
 use crate::run::record::{Recorder, describe, organ_name};
 use crate::scene::resolved::{Action, Scene};
@@ -102,6 +103,11 @@ pub(super) fn simulate(
             "volume of whole cells {change:+.3} % in the last frame, furthest {furthest:+.3} % (frame {frame})"
         );
         tell(&mut recorder, messages, &line)?;
+    }
+    if driven.is_ok() {
+        for volume in organ_volumes(&world, scene, recorder.hu())? {
+            tell(&mut recorder, messages, &volume.to_string())?;
+        }
     }
     if let Some(inverted) = &worst.inverted {
         recorder.log(&inverted.to_string())?;

@@ -112,7 +112,10 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
 fn of_organ(number: u8, organ: &Organ, lattice: &Lattice, assembly: &Assembly) -> Value {
     let particles = lattice.organ.iter().filter(|&&o| o == number).count();
     let mut facts = json!({ "name": organ.name, "particles": particles, "body": organ.body, "solid": Value::Null });
-    if let Some(bulk) = Bulk::of_organ(lattice, assembly, number) {
+    // Springs inside a rigid body do nothing, so they make no solid.
+    if let Some(bulk) = Bulk::of_organ(lattice, assembly, number)
+        && !matches!(organ.body, Body::Rigid { .. })
+    {
         facts["solid"] = of_bulk(&bulk);
     }
     facts
@@ -267,10 +270,16 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
     lines.push(String::new());
     write_columns(rows, "", lines);
     let isotropic = |organ: &&&Value| organ["solid"]["isotropic"].as_bool() != Some(false);
-    if organs.iter().any(|organ| organ["solid"].is_null() && organ["body"] != "rigid") {
+    if organs.iter().any(|organ| organ["solid"].is_null() && organ["body"]["rigid"].is_null()) {
         lines.push(
             "-: too thin for a material of its own: no particle has all its 26 neighbours in the organ".to_owned(),
         );
+    }
+    for organ in organs.iter().filter(|organ| varies(&organ["body"]) && !organ["solid"].is_null()) {
+        lines.push(format!(
+            "{}: its modulus differs from cell to cell; the figures above are those at one particle inside",
+            organ["name"].as_str().unwrap_or_default()
+        ));
     }
     for organ in organs.iter().filter(|organ| !isotropic(organ)) {
         let solid = &organ["solid"];
@@ -303,6 +312,11 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
     }
 }
 
+/// Whether a body takes its modulus from the CT or from a volume.
+fn varies(body: &Value) -> bool {
+    body["tissue"]["youngs_modulus_pa"].as_object().is_some_and(|modulus| !modulus.contains_key("constant"))
+}
+
 /// Values as text, once if they read alike.
 fn different(values: &[String], between: &str) -> String {
     let mut values = values.to_vec();
@@ -312,6 +326,12 @@ fn different(values: &[String], between: &str) -> String {
 
 /// A body's constants as scenes in JSON name them.
 fn body_text(body: &Value) -> String {
+    if let Some(rigid) = body.get("rigid") {
+        return match rigid["density_kg_per_m3"].as_f64() {
+            Some(density) => format!("rigid and free to move, density_kg_per_m3 {}", digits(density, 4)),
+            None => "rigid, stays where it is unless it is moved".to_owned(),
+        };
+    }
     match body.as_object().and_then(|body| body.values().next()).and_then(Value::as_object) {
         None => body.as_str().unwrap_or_default().to_owned(),
         Some(constants) => constants

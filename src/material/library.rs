@@ -8,7 +8,7 @@
 //!   `3 density speed^2`, somewhat above the static one.
 //! - **Poisson's ratio** of soft tissue is close to 1/2, and sources say no more than "nearly incompressible". Every such
 //!   entry has 0.45, the low end of what finite-element models use: an explicit step pays for every further digit. At 0.49
-//!   the step is about half that at 0.45, and two to four times smaller than at 1/4.
+//!   the step is half that at 0.45 without dampers, and a quarter with a damping ratio of 0.2.
 //! - **Density** is that of reference persons of radiation dosimetry.
 //!
 //! Not promised: the stiffness of a patient. Nor that of an organ with a wall: the entries of hollow organs and vessels are

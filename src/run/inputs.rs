@@ -8,7 +8,7 @@ use crate::io::nifti::{ReadVolumeError, read_ct, read_labels};
 use crate::phantom::{self, PhantomError};
 use crate::scene::resolved::{Body, Scene, VolumeSource, YoungsModulus};
 use crate::store::InputFile;
-use crate::volume::{CtVolume, GridMismatch, LabelVolume, check_same_grid};
+use crate::volume::{CtVolume, GridMismatch, LabelVolume, Overlay, check_same_grid};
 
 /// What a scene is simulated from. At least one of the two volumes is there; if both are, they share a grid.
 #[derive(Debug, Clone)]
@@ -36,7 +36,7 @@ pub enum InputError {
     #[error(transparent)]
     Phantom(#[from] PhantomError),
     /// A volume of moduli does not lie on the grid of the scene's volume.
-    #[error("{}: not on the grid of the scene's volume: {source}", path.display())]
+    #[error("{}: {source}", path.display())]
     ModulusGrid {
         /// The volume of moduli.
         path: PathBuf,
@@ -77,7 +77,7 @@ pub fn load(scene: &Scene) -> Result<Inputs, InputError> {
         }
         let (moduli, info) = read_ct(path)?;
         if let Some(grid) = &grid {
-            check_same_grid(grid, moduli.grid())
+            check_same_grid(grid, moduli.grid(), Overlay::Moduli)
                 .map_err(|source| InputError::ModulusGrid { path: path.clone(), source: Box::new(source) })?;
         }
         record(&mut inputs.files, &info.header_path, &info.data_path)?;
@@ -123,7 +123,7 @@ pub fn load_volume(source: &VolumeSource) -> Result<Inputs, InputError> {
                 None => None,
             };
             if let (Some(image), Some(labels)) = (&image, &labels) {
-                check_same_grid(image.grid(), labels.grid()).map_err(|source| InputError::Grid {
+                check_same_grid(image.grid(), labels.grid(), Overlay::Labels).map_err(|source| InputError::Grid {
                     image: image_path.clone().unwrap_or_default(),
                     labels: labels_path.clone().unwrap_or_default(),
                     source: Box::new(source),

@@ -1,9 +1,12 @@
 //! From stored frames back to surfaces: one closed mesh per organ, carried by the lattice. Where organs touch, each keeps its own
 //! wall, set back by a few thousandths of a pitch, so that meshes of several organs stay manifold when vertices are welded.
 
+use crate::dynamics::World;
+use crate::dynamics::measure::organ_volume;
 use crate::lattice::{Lattice, Topology};
-use crate::scene::resolved::{Scene, VoxelSelection};
+use crate::scene::resolved::{Body, Scene, VoxelSelection};
 use crate::store::{ReadRunError, RunReader};
+use crate::surface::check::check;
 use crate::surface::mesh::OrganMesh;
 use crate::surface::{Surface, SurfaceError, field};
 
@@ -83,13 +86,8 @@ impl RunMesher {
         let organs = (0..scene.organs.len())
             .filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name))
             .map(|organ| {
-                let mut values = match (&scene.organs[organ].voxels, &hu) {
-                    (VoxelSelection::Hu { min, max }, Some(hu)) => {
-                        field::from_hu(lattice, organ as u8, &hu.values, [*min, *max], HU_CONTRAST)
-                    }
-                    _ => field::smoothed(lattice, organ as u8, smoothing),
-                };
-                field::part_walls(lattice, organ as u8, &mut values);
+                let hu = hu.as_ref().map(|hu| hu.values.as_slice());
+                let values = values_of(&scene, organ, lattice, hu, smoothing);
                 (organ, values)
             })
             .collect();
@@ -145,6 +143,84 @@ impl RunMesher {
             })
             .collect()
     }
+}
+
+/// What an organ's surface is drawn from, see [`field`]. `hu`: the CT at the lattice points, for organs chosen by HU.
+fn values_of(scene: &Scene, organ: usize, lattice: &Lattice, hu: Option<&[f32]>, smoothing: usize) -> Vec<f32> {
+    let number = organ as u8;
+    let mut values = match (&scene.organs[organ].voxels, hu) {
+        (VoxelSelection::Hu { min, max }, Some(hu)) => field::from_hu(lattice, number, hu, [*min, *max], HU_CONTRAST),
+        _ => field::smoothed(lattice, number, smoothing),
+    };
+    field::part_walls(lattice, number, &mut values);
+    values
+}
+
+/// Volume of a soft organ now against rest, by two measures that agree but for cut cells and a rounded skin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OrganVolume {
+    /// The organ.
+    pub name: String,
+    /// Change of its whole cells relative to the same cells at rest; `None` when none is whole.
+    pub by_cells: Option<f64>,
+    /// What its closed surface encloses at rest and now [mL].
+    pub enclosed_ml: [f64; 2],
+}
+
+impl OrganVolume {
+    /// Change of what the surface encloses, relative to rest; `None` when it encloses nothing at rest.
+    pub fn by_surface(&self) -> Option<f64> {
+        let [rest, now] = self.enclosed_ml;
+        (rest > 0.0).then(|| now / rest - 1.0)
+    }
+}
+
+/// One line.
+impl std::fmt::Display for OrganVolume {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let percent = |share: Option<f64>, none: &str| {
+            share.map_or(format!("none ({none})"), |share| format!("{:+.3} %", 100.0 * share))
+        };
+        write!(
+            f,
+            "volume of `{}` in the last frame: by cells {}, by surface {}",
+            self.name,
+            percent(self.by_cells, "no cell is whole"),
+            percent(self.by_surface(), "it encloses nothing"),
+        )?;
+        let [rest, now] = self.enclosed_ml;
+        if rest > 0.0 { write!(f, " ({rest:.2} to {now:.2} mL)") } else { Ok(()) }
+    }
+}
+
+/// Volumes of the soft organs of a world as it is now, in the order of the scene, by the surfaces a [`RunMesher`] gives.
+///
+/// - `hu`: the CT at the lattice points, needed for organs chosen by HU.
+///
+/// # Errors
+/// If a surface cannot be extracted.
+pub fn organ_volumes(world: &World, scene: &Scene, hu: Option<&[f32]>) -> Result<Vec<OrganVolume>, MeshRunError> {
+    let (lattice, topology) = (world.lattice(), world.topology());
+    let whole = Topology::new(lattice);
+    let moved = world.displacements_mm();
+    let soft = |organ: &usize| !matches!(scene.organs[*organ].body, Body::Rigid { .. });
+    (0..scene.organs.len())
+        .filter(soft)
+        .map(|organ| {
+            let name = scene.organs[organ].name.clone();
+            let values = values_of(scene, organ, lattice, hu, DEFAULT_SMOOTHING);
+            let extract = |topology: &Topology| {
+                Surface::extract(lattice, topology, &values)
+                    .map_err(|source| MeshRunError::Surface { organ: name.clone(), source })
+            };
+            let at_rest = extract(&whole)?;
+            let rest = check(&at_rest.at_rest(lattice)).volume_ml();
+            let surface = if topology.severed().is_empty() { at_rest } else { extract(topology)? };
+            let now = check(&surface.carry(lattice, &moved)).volume_ml();
+            let cells = organ_volume(lattice, topology, organ as u8, |particle| world.displacement(particle));
+            Ok(OrganVolume { name, by_cells: cells.change(), enclosed_ml: [rest, now] })
+        })
+        .collect()
 }
 
 /// The resolved scene that a run was made from.

@@ -11,7 +11,7 @@ use crate::dynamics::timeline::{Event, What};
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::neighbours::NEIGHBOURS;
 use crate::lattice::{FRINGE, Lattice};
-use crate::scene::resolved::Scene;
+use crate::scene::resolved::{Scene, VoxelSelection};
 use crate::store::{Extra, ExtraValues, FrameData, RunHeader, RunWriter, Status, WriteRunError};
 use crate::volume::CtVolume;
 
@@ -33,6 +33,8 @@ pub struct Recorder {
     written: Instant,
     /// Names of the scene's organs.
     organs: Vec<String>,
+    /// The CT at the lattice points, kept when an organ was chosen by it.
+    hu: Option<Vec<f32>>,
     last_frame: Option<(u64, f64)>,
     worst: Worst,
 }
@@ -169,8 +171,11 @@ impl Recorder {
             schedule.steps,
             schedule.stable_dt,
         ))?;
+        drop(extras);
+        let by_hu = scene.organs.iter().any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }));
         Ok(Self {
             writer,
+            hu: hu.filter(|_| by_hu),
             series: Vec::new(),
             written: Instant::now(),
             organs: scene.organs.iter().map(|organ| organ.name.clone()).collect(),
@@ -192,6 +197,11 @@ impl Recorder {
     /// Names of the organs, in the order of the scene.
     pub fn organs(&self) -> &[String] {
         &self.organs
+    }
+
+    /// The CT at the lattice points, when an organ was chosen by it: what its surface is drawn from.
+    pub fn hu(&self) -> Option<&[f32]> {
+        self.hu.as_deref()
     }
 
     /// Adds a line to the run's log.

@@ -9,6 +9,10 @@ use super::schema::{self, SceneFile};
 use super::values::Triple;
 use crate::geometry::{Point3, Vector3};
 
+/// A blade is drawn and moved within this many millimetres of the origin (a thousand kilometres). Products of lengths up to
+/// there stay finite, and in f64 a place is still known to better than a micrometre.
+const FARTHEST_MM: f64 = 1e9;
+
 /// An operation with the way to its table.
 struct Entry {
     table: KeyPath,
@@ -86,6 +90,11 @@ fn blade_sweep(checks: &mut Checks<'_>, table: &KeyPath, cut: &schema::Cut) -> O
     let blade = polyline(checks, &table.key("blade"), &cut.blade, "the edge of a blade");
     let path = polyline(checks, &table.key("path"), &cut.path, "the path of a blade");
     let (blade, path) = (blade?, path?);
+    let [blade_ok, path_ok] =
+        [("blade", &blade), ("path", &path)].map(|(key, points)| near(checks, &table.key(key), points));
+    if !(blade_ok && path_ok) {
+        return None;
+    }
     // An edge that only slides along itself sweeps no area, so it can sever nothing.
     let sweeps = blade.windows(2).any(|edge| {
         path.windows(2).any(|way| {
@@ -99,6 +108,17 @@ fn blade_sweep(checks: &mut Checks<'_>, table: &KeyPath, cut: &schema::Cut) -> O
         checks.problem(&table.key("path"), Problem::Degenerate { found, expected });
     }
     Some(Action::Cut { blade: blade.into_iter().map(Point3::from).collect(), path })
+}
+
+/// Whether all places are near enough to be in a room with the patient; the first that is not is reported.
+fn near(checks: &mut Checks<'_>, key: &KeyPath, points: &[Vector3]) -> bool {
+    let far = |point: &Vector3| point.iter().copied().find(|part| part.abs() > FARTHEST_MM);
+    let found = points.iter().enumerate().find_map(|(index, point)| far(point).map(|part| (index, part)));
+    if let Some((index, part)) = found {
+        let expected = format!("coordinates from {} to {} mm", number(-FARTHEST_MM), number(FARTHEST_MM));
+        checks.out_of_range(&key.index(index), format!("{} mm", number(part)), expected);
+    }
+    found.is_none()
 }
 
 /// Finite places, at least two of them, and a length above zero.

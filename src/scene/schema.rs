@@ -123,8 +123,9 @@ pub(super) struct Organ {
     pub(super) youngs_modulus: Option<Modulus>,
     /// Poisson's ratio, from 0 to 0.49; model "tissue" only. Default: that of `material` (0.45 for soft tissue), without
     /// one 0.25, which is what springs alone have and costs nothing extra. Any other value adds a volume term to every
-    /// cell, and the nearer to 1/2, the smaller the time step: at 0.49 it is about half that at 0.45. Below 0.25 the
-    /// term is negative, which is sound at small strain only. Example: `poissons_ratio = 0.45`.
+    /// cell, and the nearer to 1/2, the smaller the time step: at 0.49 it is half that at 0.45 without
+    /// dampers and a quarter with a damping_ratio of 0.2. Below 0.25 the term is negative, which is sound at small strain
+    /// only. Example: `poissons_ratio = 0.45`.
     #[schemars(extend("minimum" = 0, "maximum" = 0.49))]
     pub(super) poissons_ratio: Option<f64>,
     /// Density [kg/m^3], above 0; model "tissue", or rigid. Default: that of `material`; without one it is needed unless

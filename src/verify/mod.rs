@@ -8,6 +8,7 @@ mod lattices;
 mod report;
 mod solids;
 mod statics;
+mod volume;
 mod waves;
 
 pub use report::markdown;
@@ -75,5 +76,5 @@ impl Finding {
 
 /// All cases, in the order of the page.
 pub fn cases() -> Vec<Case> {
-    [solids::cases(), waves::cases()].concat()
+    [solids::cases(), volume::cases(), waves::cases()].concat()
 }

@@ -11,7 +11,7 @@ mod statistics;
 
 pub use bounds::{VoxelBox, margin_in_voxels};
 pub use resample::{ResampleError, grid_with_spacing, label_fraction, label_shares, resample_ct, resample_labels};
-pub use same_grid::{GridMismatch, SAME_GRID_TOLERANCE, check_same_grid};
+pub use same_grid::{GridMismatch, Overlay, SAME_GRID_TOLERANCE, check_same_grid};
 pub use statistics::{LabelSummary, Statistics};
 
 use ndarray::Array3;

@@ -2,7 +2,7 @@
 
 use crate::support::Folder;
 
-const COMMANDS: [&[&str]; 15] = [
+const COMMANDS: [&[&str]; 16] = [
     &[],
     &["demo"],
     &["run"],
@@ -13,6 +13,7 @@ const COMMANDS: [&[&str]; 15] = [
     &["info"],
     &["check"],
     &["scene"],
+    &["verify"],
     &["bench"],
     &["bench", "lattice"],
     &["bench", "surface"],

@@ -29,9 +29,11 @@ fn a_paper_scene_amounts_to_a_solid_in_every_direction() {
     assert_eq!(facts["dt_is_from"], "scene");
     near(&facts["dt_s"], 5e-4);
     near(&facts["duration_s"], 0.02);
-    // 26 springs and dampers on an inner particle, a third of them along each axis: a dt^2 + 2 b dt = 4.
-    let (a, b): (f64, f64) = (2.0 * 26.0 / 3.0 * 7.5 / 2.3e-4, 2.0 * 26.0 / 3.0 * 1e-3 / 2.3e-4);
-    near(&facts["stable_dt_s"], 4.0 / (b + (b * b + 4.0 * a).sqrt()));
+    // 26 springs and dampers on an inner particle: a dt^2 + 2 b dt = 4 is what can be promised without looking closer; the
+    // true limit is never below, and above by less than 2.
+    let (a, b): (f64, f64) = (2.0 * 26.0 * 7.5 / 2.3e-4, 2.0 * 26.0 * 1e-3 / 2.3e-4);
+    let sharper = number(&facts["stable_dt_s"]) / (4.0 / (b + (b * b + 4.0 * a).sqrt()));
+    assert!((1.0..2.0).contains(&sharper), "{sharper}");
     near(&facts["memory_mb"], number(&facts["bytes_per_particle"]) * 1e-3);
     assert!(number(&facts["estimated_time_s"]) > 0.0 && facts["estimated_from_steps"].as_u64() >= Some(3));
     let effects = &facts["effects"];
@@ -52,7 +54,6 @@ fn a_paper_scene_amounts_to_a_solid_in_every_direction() {
     folder.yawara(&["info", "cube.toml"]).done().prints(&[
         "1000 particles, 10476 springs, 729 cells",
         "as the scene asks; 0.20 of the stable bound",
-        "the limit at rest, particle by particle",
         "springs, dampers, 1 cut, 1 fixed region, 1 force",
         "an estimate",
         "cube: not isotropic",

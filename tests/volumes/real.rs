@@ -7,8 +7,8 @@ use yawara::geometry::{Point3, Vector3};
 use yawara::io::label_names::LabelNames;
 use yawara::io::nifti::{Datatype, read_ct, read_labels};
 use yawara::volume::{
-    GridMismatch, LabelVolume, check_same_grid, grid_with_spacing, label_fraction, margin_in_voxels, resample_ct,
-    resample_labels,
+    GridMismatch, LabelVolume, Overlay, check_same_grid, grid_with_spacing, label_fraction, margin_in_voxels,
+    resample_ct, resample_labels,
 };
 
 use crate::support::shared_data;
@@ -62,7 +62,7 @@ fn the_abdomen_has_the_organs_of_its_table() {
     let statistics = ct.statistics();
     assert_eq!((statistics.min, statistics.max, statistics.sum), (-1207.0, 3382.0, -496851173.0));
     let seg = labels(&folder.join("example_seg.nii.gz"));
-    assert_eq!(check_same_grid(ct.grid(), seg.grid()), Ok(()));
+    assert_eq!(check_same_grid(ct.grid(), seg.grid(), Overlay::Labels), Ok(()));
 
     // Number, name, voxels, ..., axes along which the organ is cut off.
     let table = folder.join("labels.tsv");
@@ -106,7 +106,7 @@ fn a_crop_and_a_resampling_keep_the_liver_in_place() {
     let part = tight.grown(margin_in_voxels(seg.grid(), 10.0), seg.shape());
     assert_eq!((part.min, part.max), ([27, 21, 65], [108, 90, 111]));
     let (seg, ct) = (seg.crop(&part), ct.crop(&part));
-    assert_eq!(check_same_grid(ct.grid(), seg.grid()), Ok(()));
+    assert_eq!(check_same_grid(ct.grid(), seg.grid(), Overlay::Labels), Ok(()));
     assert_eq!(seg.as_slice().iter().filter(|label| **label == 5).count(), 41733);
     assert!((centroid(&seg, 5) - before).norm() < 1e-9);
 
@@ -160,7 +160,7 @@ fn the_oblique_liver_is_read_counted_and_coarsened() {
     // Another subject's grid is told apart, with both shapes.
     if let Some(ct) = shared_data("ct-abdomen-3mm/example_ct.nii.gz") {
         let ct = yawara::io::nifti::read_info(&ct).unwrap();
-        let mismatch = check_same_grid(&ct.grid, liver.grid()).unwrap_err();
+        let mismatch = check_same_grid(&ct.grid, liver.grid(), Overlay::Labels).unwrap_err();
         assert!(matches!(mismatch, GridMismatch::Shape { .. }), "{mismatch}");
         assert!(mismatch.to_string().contains("222x166x429") && mismatch.to_string().contains("122x101x112"));
     }

@@ -6,7 +6,7 @@ use yawara::geometry::{Affine, Grid, GridShape, Matrix3, Vector3};
 use yawara::io::nifti::{
     AffineSource, CtEncoding, Datatype, SpatialUnit, read_ct, read_info, read_labels, write_ct, write_labels,
 };
-use yawara::volume::{CtVolume, LabelVolume, SAME_GRID_TOLERANCE, check_same_grid};
+use yawara::volume::{CtVolume, LabelVolume, Overlay, SAME_GRID_TOLERANCE, check_same_grid};
 
 use crate::support::{assert_says, variant};
 
@@ -49,7 +49,7 @@ fn values_and_places_come_back() {
             write_ct(&path, &ct, CtEncoding::Float32).unwrap();
             let (found, info) = read_ct(&path).unwrap();
             assert_eq!(found.as_slice(), ct.as_slice(), "{kind} {name}");
-            assert_eq!(check_same_grid(&grid, &info.grid), Ok(()), "{kind} {name}");
+            assert_eq!(check_same_grid(&grid, &info.grid, Overlay::Labels), Ok(()), "{kind} {name}");
             assert_eq!((info.datatype, info.unit), (Datatype::F32, SpatialUnit::Millimetre));
             assert_eq!((info.affine_source, info.gzip), (AffineSource::Sform, name != "a.nii"));
             assert_eq!(info.description, "yawara");
@@ -89,7 +89,11 @@ fn the_qform_says_the_same_as_the_sform() {
             assert_eq!(info.affine_source, AffineSource::Spacing);
         } else {
             assert_eq!(info.affine_source, AffineSource::Qform, "{kind}");
-            assert_eq!(check_same_grid(&grid, &info.grid), Ok(()), "{kind} within {SAME_GRID_TOLERANCE}");
+            assert_eq!(
+                check_same_grid(&grid, &info.grid, Overlay::Labels),
+                Ok(()),
+                "{kind} within {SAME_GRID_TOLERANCE}"
+            );
         }
     }
 }
