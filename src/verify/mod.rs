@@ -4,7 +4,12 @@
 //! Every [`Case`] says what is asked, does it, and reports a [`Finding`] with its largest error and what is allowed. The same
 //! cases are the tests of the library and the page that `yawara verify` writes.
 
+mod bodies;
+mod free;
+mod hard;
 mod report;
+mod step;
+mod tally;
 
 pub use report::markdown;
 
@@ -71,5 +76,9 @@ impl Finding {
 
 /// All cases, in the order of the page.
 pub fn cases() -> Vec<Case> {
-    Vec::new()
+    std::iter::empty()
+        .chain(free::cases())
+        .chain(step::cases())
+        .chain(hard::cases())
+        .collect()
 }
