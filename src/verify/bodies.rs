@@ -9,9 +9,9 @@ use crate::lattice::build::{NO_ORGAN, OrganMap, build};
 use crate::lattice::cells::build_cells;
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
+use crate::material::Assembly;
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, Damping, TissueBody};
-use crate::material::Assembly;
 use crate::volume::Volume;
 
 /// Planned steps after which the guard plans again, as between two frames.
@@ -266,7 +266,12 @@ pub(super) fn sever(world: &mut World, parted: impl Fn(u32, u32) -> bool) -> usi
     let severed: Vec<SeveredSpring> = springs(world.lattice(), world.topology())
         .into_iter()
         .filter(|&(a, _, b)| parted(a, b))
-        .map(|(particle, direction, _)| SeveredSpring { particle, direction: direction as u8, at: 0.5, time: world.time() })
+        .map(|(particle, direction, _)| SeveredSpring {
+            particle,
+            direction: direction as u8,
+            at: 0.5,
+            time: world.time(),
+        })
         .collect();
     world.sever(severed)
 }

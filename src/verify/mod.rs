@@ -76,9 +76,5 @@ impl Finding {
 
 /// All cases, in the order of the page.
 pub fn cases() -> Vec<Case> {
-    std::iter::empty()
-        .chain(free::cases())
-        .chain(step::cases())
-        .chain(hard::cases())
-        .collect()
+    std::iter::empty().chain(free::cases()).chain(step::cases()).chain(hard::cases()).collect()
 }

@@ -1,2 +1,0 @@
-use super::Case;
-pub(super) fn cases() -> Vec<Case> { Vec::new() }
