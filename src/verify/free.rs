@@ -34,7 +34,7 @@ pub(super) fn cases() -> Vec<Case> {
         case(
             "energy-with-dampers",
             "with dampers the energy of a vibrating body never rises, looked at after every step",
-            { energy_falls },
+            energy_falls,
         ),
         case(
             "rigid-rotation",
@@ -162,8 +162,9 @@ fn energy_kept() -> Finding {
     })
 }
 
-/// Allowed drift over 100 000 steps: what 500 samples of an energy that swings by 1e-3 tell of a line.
-const DRIFT: f64 = 1e-3;
+/// Allowed drift over 100 000 steps. At a strain of 0.003, f32 rounds forces by 2e-5 of themselves; at random, that comes to
+/// 2e-5 times the root of the number of steps.
+const DRIFT: f64 = 6e-3;
 
 /// Change over the whole run of the least-squares line through evenly spaced samples.
 fn slope(samples: &[f64]) -> f64 {

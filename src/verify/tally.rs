@@ -7,6 +7,8 @@ use crate::dynamics::StepError;
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     pub(super) error: f64,
+    /// The trial with the largest error.
+    pub(super) worst: String,
     pub(super) steps: u64,
     pub(super) trials: u64,
     /// Trials that ended in a refusal, as they should or may.
@@ -18,9 +20,12 @@ impl Tally {
     /// Takes an error into account; one that is not a number is a fault.
     pub(super) fn error(&mut self, what: impl std::fmt::Display, error: f64) {
         if error.is_nan() {
-            self.fault(format!("{what}: the error is not a number"));
+            return self.fault(format!("{what}: the error is not a number"));
         }
-        self.error = self.error.max(error);
+        if error > self.error {
+            self.error = error;
+            self.worst = what.to_string();
+        }
     }
 
     /// Something that must not happen.

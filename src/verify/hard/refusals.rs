@@ -51,10 +51,10 @@ fn scene(model: Model, dt: Option<f64>) -> String {
         r#"
 [volume]
 phantom = "cube"
-spacing = 12.0
+spacing = 10.0
 [lattice]
 model = "{name}"
-pitch = 12.0
+pitch = 10.0
 [[organ]]
 name = "cube"
 label = "cube"
