@@ -178,7 +178,7 @@ fn drawn(model: Model, origin: [f64; 3], tally: &mut Tally) -> Vec<[f32; 3]> {
         point: affine.apply([at, 0.0, 0.0].into()),
         normal: Vector3::new(sign, 0.0, 0.0),
     };
-    let (held, drawn) = (side(-1.0, 0.7).select(&map_of(&trial)), side(1.0, 4.3).select(&map_of(&trial)));
+    let (held, drawn) = (side(-1.0, 0.7).select(trial.world.lattice()), side(1.0, 4.3).select(trial.world.lattice()));
     tally.expect(!held.is_empty() && !drawn.is_empty(), || format!("{model}: a region of {origin:?} is empty"));
     trial.world.hold(&held);
     let grab = trial.world.grab(&drawn);
@@ -191,10 +191,6 @@ fn drawn(model: Model, origin: [f64; 3], tally: &mut Tally) -> Vec<[f32; 3]> {
     }
     tally.steps += trial.steps;
     trial.world.displacements_mm()
-}
-
-fn map_of(trial: &Trial) -> crate::lattice::Lattice {
-    trial.world.lattice().clone()
 }
 
 fn far_away() -> Finding {
@@ -215,7 +211,7 @@ fn far_away() -> Finding {
     })
 }
 
-/// A body that keeps shaking itself apart would gain energy: a fresh trial and its middle, for the cases of the folder.
+/// A block at rest, one voxel longer than wide, and its middle [m].
 fn some_block(model: Model, pitch: f64, n: usize, damping: f64) -> (Trial, Vector3) {
     let trial = Trial::new(block_of(model, pitch, [n + 1, n, n], damping));
     let middle = centre(&trial.world);

@@ -60,8 +60,8 @@ name = "cube"
 label = "cube"
 {material}
 [time]
-duration = 0.1
-{dt}frames = 4
+duration = 20.0
+{dt}frames = 1
 [gravity]
 acceleration = [0.0, 0.0, -9.81]
 [[fix]]
