@@ -115,6 +115,11 @@ impl World {
         }
     }
 
+    /// True while a hold keeps a particle where it is.
+    pub(super) fn is_held(&self, particle: u32) -> bool {
+        self.claims[self.layout.slot[particle as usize] as usize].holds > 0
+    }
+
     fn add(&mut self, drive: Drive) -> Handle {
         self.drives.push(drive);
         Handle(self.drives.len() - 1)

@@ -17,7 +17,7 @@ use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::{Assembly, RigidKind, SpringConstants};
 
 /// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
-const LONGEST_MOVE: f64 = 2.0;
+pub(super) const LONGEST_MOVE: f64 = 2.0;
 
 /// Why a step could not be finished. The state before it has been handed out; nothing of the bad one is.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -423,7 +423,7 @@ impl World {
             speed,
             moves: speed * self.dt / self.lattice.pitch,
             dt: self.dt,
-            cause: self.likely_cause(),
+            cause: likely_cause(&self.lattice, &self.topology, &self.assembly, self.dt),
         })
     }
 
@@ -460,22 +460,6 @@ impl World {
                 .fold(0.0, f64::max)
         };
         particles.map(|particle| (speed(particle), particle)).max_by(|a, b| a.0.total_cmp(&b.0))
-    }
-
-    fn likely_cause(&self) -> String {
-        let limits = Limits::at_rest(&self.lattice, &self.topology, &self.assembly);
-        // As close as it gets, in the time of a few hundred steps.
-        let bound = limits.sharpen(&self.lattice, &self.topology, &self.assembly, 1e4).sharp;
-        if self.dt > bound {
-            format!(
-                "the step is {:.2} times the stable one ({bound:.3e} s): ask for a smaller time.dt or leave it out",
-                self.dt / bound
-            )
-        } else {
-            "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
-             tissue faster than it can follow: lower the force, or give the motion more time"
-                .to_owned()
-        }
     }
 
     fn drift(&mut self) {
@@ -597,6 +581,23 @@ impl World {
                 velocity[slot as usize] = 0.0;
             }
         }
+    }
+}
+
+/// Why a state that diverged may have done so, and what to do.
+pub(super) fn likely_cause(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> String {
+    let limits = Limits::at_rest(lattice, topology, assembly);
+    // As close as it gets, in the time of a few hundred steps.
+    let bound = limits.sharpen(lattice, topology, assembly, 1e4).sharp;
+    if dt > bound {
+        format!(
+            "the step is {:.2} times the stable one ({bound:.3e} s): ask for a smaller time.dt or leave it out",
+            dt / bound
+        )
+    } else {
+        "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
+         tissue faster than it can follow: lower the force, or give the motion more time"
+            .to_owned()
     }
 }
 

@@ -4,10 +4,15 @@
 //! Every [`Case`] says what is asked, does it, and reports a [`Finding`] with its largest error and what is allowed. The same
 //! cases are the tests of the library and the page that `yawara verify` writes.
 
+mod bodies;
+mod free;
+mod hard;
 mod lattices;
 mod report;
 mod solids;
 mod statics;
+mod step;
+mod tally;
 mod volume;
 mod waves;
 
@@ -76,5 +81,5 @@ impl Finding {
 
 /// All cases, in the order of the page.
 pub fn cases() -> Vec<Case> {
-    [solids::cases(), volume::cases(), waves::cases()].concat()
+    [solids::cases(), volume::cases(), waves::cases(), free::cases(), step::cases(), hard::cases()].concat()
 }

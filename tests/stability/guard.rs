@@ -1,12 +1,11 @@
 //! Steps divided while the tissue is deformed: what would diverge does not.
 
 use super::support::*;
-use yawara::cut::Blade;
 use yawara::dynamics::measure::balance;
 use yawara::dynamics::stable_dt::{Limits, SAFETY};
 use yawara::dynamics::step_control::{Interval, MOST_PARTS, StepControl, StepCounts};
 use yawara::dynamics::{StepError, World};
-use yawara::geometry::{Point3, Vector3};
+use yawara::geometry::Vector3;
 use yawara::lattice::{Lattice, Topology};
 use yawara::material::Assembly;
 use yawara::material::paper::PaperBody;
@@ -178,84 +177,4 @@ fn a_grab_moves_smoothly_through_divided_steps() {
     .unwrap();
     assert!(counts.divided > 0);
     assert!(fastest < 1.02 * speed, "{fastest} mm/s");
-}
-
-/// Random scenes: materials, dampers, cuts, tools, forces.
-#[test]
-fn random_scenes_never_diverge() {
-    let (mut divided, mut most, mut steps, mut planned) = (0, 1.0_f64, 0, 0);
-    for seed in 0..200 {
-        let mut random = Random::new(7000 + seed);
-        let dims = [0; 3].map(|_| 2 + (random.next() % 3) as usize);
-        let map = blob(dims, 0.6 + 0.4 * random.unit(), seed);
-        let contrast = 10_f64.powf(4.0 * random.unit() - 2.0);
-        let ratio = if seed % 4 == 0 { 0.0 } else { 2.0 * random.unit() };
-        let lattice = if seed % 2 == 0 {
-            let body = |k: f64| PaperBody { stiffness: k, damping: ratio * (k * PAPER.mass).sqrt(), ..PAPER };
-            paper_lattice(&map, &[Some(body(10.0)), Some(body(10.0 * contrast))])
-        } else {
-            let body = |e: f64| TissueBody { youngs_modulus: e, damping: Damping::Ratio(ratio), ..TISSUE };
-            tissue_lattice(&map, &[Some(body(5e3)), Some(body(5e3 * contrast))])
-        };
-        let (mut world, limits) = sharp(lattice);
-        if limits.sharp.is_infinite() {
-            continue;
-        }
-        let h = world.lattice().pitch;
-        let half: Vec<u32> = particles(&world).into_iter().filter(|_| random.unit() < 0.5).collect();
-        let (held, driven) = half.split_at(half.len() / 2);
-        if seed % 3 == 0 {
-            world.hold(held);
-        }
-        // A tool: up to half a pitch in a step of the softest waves, to and fro over three pitches.
-        let grab = (seed % 5 < 2 && !driven.is_empty()).then(|| world.grab(driven));
-        let push = (seed % 5 == 2).then(|| world.push(driven));
-        let dt = world.dt();
-        let (way, turns) = (random.vector() * 3.0 * h * random.unit(), 30.0 + 200.0 * random.unit());
-        let mass: f64 = world.mass().iter().map(|&m| f64::from(m)).sum();
-        // What a wave would carry over in the time of a few steps.
-        let force = random.vector() * mass * 0.02 * random.unit() * h / (dt * dt);
-        let mut blade = (seed % 4 == 1).then(|| {
-            let extent = rest_places(&world).iter().fold(Vector3::zeros(), |a, b| a.sup(b));
-            let middle = 0.5 * extent + random.vector() * 0.3 * h;
-            let edge = vec![Point3::from(middle - Vector3::y() * 0.1), Point3::from(middle + Vector3::y() * 0.1)];
-            Blade::new(edge, &[Vector3::zeros(), Vector3::z() * 0.1])
-        });
-        let acts = |world: &mut World| {
-            let steps = world.time() / dt;
-            if let Some(grab) = grab {
-                let share = ((steps + world.dt() / dt) / turns).sin();
-                world.move_grab(grab, way * share * 1e3);
-            }
-            if let Some(push) = push {
-                world.set_force(push, force * if steps < 60.0 { 1.0 } else { 0.0 });
-            }
-            if steps > 30.0
-                && let Some(blade) = blade.take()
-            {
-                world.cut(&blade.sweep(0.0, blade.path_length()));
-            }
-        };
-        let first = guarded(&mut world, limits, 12, acts).unwrap_or_else(|error| panic!("{seed}: {error}"));
-        if let Some(grab) = grab {
-            world.release(grab);
-        }
-        world.set_dt(dt);
-        let before = energy(&world);
-        let then = guarded(&mut world, limits, 12, |_| {}).unwrap_or_else(|error| panic!("{seed}, let go: {error}"));
-        let after = energy(&world);
-        let floor = 1e-12 * mass * (h / dt).powi(2);
-        assert!(
-            after < 1.2 * before + floor,
-            "{seed}: left alone, its energy rises from {before:.3e} to {after:.3e} J"
-        );
-        for counts in [first, then] {
-            divided += usize::from(counts.divided > 0);
-            most = most.max(counts.most_parts);
-            steps += counts.steps;
-            planned += 120;
-        }
-    }
-    println!("{divided} of 400 runs divided steps, up to {most:.2} parts; {steps} steps for {planned}");
-    assert!(divided > 40 && planned > 40_000, "{divided} {planned}");
 }

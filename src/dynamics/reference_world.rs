@@ -1,0 +1,200 @@
+//! The moving lattice once more, plainly and in f64: what [`World`] is judged by.
+//!
+//! Symplectic Euler over [`crate::kernel::reference`], with the meaning of [`World::step`] for free particles, held
+//! particles and gravity, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
+//! times slower, and right to f64 rounding.
+//!
+//! Not covered: grabs, forces, and rigid bodies that move; anchored rigid particles stay where they are.
+
+use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
+use crate::geometry::Vector3;
+use crate::kernel::reference::{cell_volume_energy, spring_forces, volume_forces};
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
+use crate::lattice::{Lattice, SeveredSpring, Topology};
+use crate::material::Assembly;
+
+/// A lattice in motion, in f64. Lattice axes, SI units.
+#[derive(Debug, Clone)]
+pub struct ReferenceWorld {
+    lattice: Lattice,
+    topology: Topology,
+    assembly: Assembly,
+    displacement: Vec<Vector3>,
+    velocity: Vec<Vector3>,
+    held: Vec<bool>,
+    gravity: Vector3,
+    dt: f64,
+    time: f64,
+    steps: u64,
+}
+
+impl ReferenceWorld {
+    /// The twin of a world: its present state, cuts, gravity and step; particles that are held in it when it is made stay
+    /// held.
+    pub fn of(world: &World) -> Self {
+        let all = || 0..world.lattice().len() as u32;
+        Self {
+            lattice: world.lattice().clone(),
+            topology: world.topology().clone(),
+            assembly: world.assembly().clone(),
+            displacement: all().map(|p| world.displacement(p)).collect(),
+            velocity: all().map(|p| world.velocity(p)).collect(),
+            held: all().map(|p| world.mass()[p as usize] == 0.0 || world.is_held(p)).collect(),
+            gravity: world.gravity,
+            dt: world.dt(),
+            time: world.time(),
+            steps: world.steps(),
+        }
+    }
+
+    /// Displacement of each particle from rest [m]. Shape `[particles]`.
+    pub fn displacement(&self) -> &[Vector3] {
+        &self.displacement
+    }
+
+    /// Velocity of each particle [m/s]. Shape `[particles]`.
+    pub fn velocity(&self) -> &[Vector3] {
+        &self.velocity
+    }
+
+    /// Time step [s].
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Simulated time [s].
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Changes the time step from the next step on [s].
+    ///
+    /// # Panics
+    /// If `dt` is not positive.
+    pub fn set_dt(&mut self, dt: f64) {
+        assert!(dt > 0.0 && dt.is_finite(), "the step is a positive time");
+        self.dt = dt;
+    }
+
+    /// Severs springs; returns how many of them were alive.
+    pub fn sever(&mut self, springs: impl IntoIterator<Item = SeveredSpring>) -> usize {
+        springs.into_iter().filter(|&spring| self.topology.sever(&self.lattice, spring)).count()
+    }
+
+    /// One step of symplectic Euler.
+    ///
+    /// # Errors
+    /// [`StepError::Diverged`] as [`World::step`]; places are left as they were before the step.
+    pub fn step(&mut self) -> Result<(), StepError> {
+        let Self { lattice, topology, assembly, displacement, velocity, dt, .. } = &*self;
+        let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
+        let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
+        for (p, (spring, cell)) in springs.into_iter().zip(cells).enumerate() {
+            self.velocity[p] = if self.held[p] {
+                Vector3::zeros()
+            } else {
+                let acceleration = (spring + cell) / f64::from(self.assembly.mass[p]) + self.gravity;
+                self.velocity[p] + self.dt * acceleration
+            };
+        }
+        self.check()?;
+        for (displacement, velocity) in self.displacement.iter_mut().zip(&self.velocity) {
+            *displacement += self.dt * velocity;
+        }
+        self.time += self.dt;
+        self.steps += 1;
+        Ok(())
+    }
+
+    /// Elastic, kinetic and half-step energy [J], see [`step_energy`].
+    pub fn energy(&self) -> f64 {
+        step_energy(&self.lattice, &self.topology, &self.assembly, &self.displacement, &self.velocity, self.dt)
+    }
+
+    fn check(&self) -> Result<(), StepError> {
+        let parting = |particle: u32| {
+            let own = self.velocity[particle as usize];
+            if !own.norm_squared().is_finite() {
+                return f64::INFINITY;
+            }
+            joined(&self.lattice, &self.topology, particle, 0)
+                .map(|(_, other)| (self.velocity[other as usize] - own).norm())
+                .fold(0.0, f64::max)
+        };
+        let fastest = (0..self.lattice.len() as u32).map(|p| (parting(p), p)).max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((speed, particle)) = fastest else { return Ok(()) };
+        let moves = speed * self.dt / self.lattice.pitch;
+        if moves <= LONGEST_MOVE {
+            return Ok(());
+        }
+        Err(StepError::Diverged {
+            time: self.time + self.dt,
+            step: self.steps + 1,
+            place: self.lattice.rest_place(particle),
+            speed,
+            moves,
+            dt: self.dt,
+            cause: likely_cause(&self.lattice, &self.topology, &self.assembly, self.dt),
+        })
+    }
+}
+
+/// Living springs of a particle from a direction on: the direction and the other end.
+fn joined<'a>(
+    lattice: &'a Lattice,
+    topology: &'a Topology,
+    particle: u32,
+    first: usize,
+) -> impl Iterator<Item = (usize, u32)> + 'a {
+    let alive = topology.alive()[particle as usize];
+    (first..NEIGHBOURS)
+        .filter(move |direction| alive >> direction & 1 == 1)
+        .filter_map(move |direction| Some((direction, lattice.neighbour(particle, direction)?)))
+}
+
+/// The energy that symplectic Euler keeps of a linear lattice, and that dampers only lower [J].
+///
+/// ```text
+/// E = elastic(u) + 1/2 v.M v + dt/2 v.F_elastic(u) + dt/4 v.F_damper(u, v)
+/// ```
+///
+/// - `displacement` [m], `velocity` [m/s]: shape `[particles]`, lattice axes; held particles have velocity 0.
+///
+/// The plain sum of kinetic and elastic energy swings, because places and velocities are half a step apart: by a factor of
+/// 40 in modes next to the stable limit. For `M a + C v + K u = 0` the change of `E` over a step is
+/// `-dt/4 (v + v').C (v + v')`, with `v'` the next velocity: zero without dampers and never positive with them. Beyond
+/// small strain both hold up to the order of `dt`.
+pub fn step_energy(
+    lattice: &Lattice,
+    topology: &Topology,
+    assembly: &Assembly,
+    displacement: &[Vector3],
+    velocity: &[Vector3],
+    dt: f64,
+) -> f64 {
+    let forces = |velocity: &[Vector3]| -> Vec<Vector3> {
+        let springs = spring_forces(lattice, topology, assembly, displacement, velocity, dt);
+        let cells = volume_forces(lattice, topology, assembly, displacement, velocity, dt);
+        springs.iter().zip(&cells).map(|(spring, cell)| spring + cell).collect()
+    };
+    let elastic = forces(&vec![Vector3::zeros(); lattice.len()]);
+    let damped = assembly.damping.is_some();
+    let all = if damped { forces(velocity) } else { elastic.clone() };
+    let mut energy = 0.0;
+    for particle in 0..lattice.len() as u32 {
+        let (p, v) = (particle as usize, velocity[particle as usize]);
+        for (direction, other) in joined(lattice, topology, particle, FIRST_FORWARD) {
+            let rest = Vector3::from(OFFSETS[direction].map(f64::from)) * lattice.pitch;
+            let difference = displacement[other as usize] - displacement[p];
+            // l - L without cancellation: (l^2 - L^2) / (l + L).
+            let stretch = difference.dot(&(2.0 * rest + difference)) / ((rest + difference).norm() + rest.norm());
+            energy += 0.5 * assembly.stiffness.of(lattice, particle, direction) * stretch * stretch;
+        }
+        if let Some(term) = &assembly.volume {
+            energy += cell_volume_energy(lattice, topology, term, particle, |p| displacement[p as usize]);
+        }
+        energy += 0.5 * f64::from(assembly.mass[p]) * v.norm_squared();
+        energy += 0.25 * dt * v.dot(&(elastic[p] + all[p]));
+    }
+    energy
+}
