@@ -2,10 +2,11 @@
 
 use yawara::dynamics::{RigidBody, World};
 use yawara::geometry::Vector3;
+use yawara::lattice::Lattice;
 use yawara::lattice::build::OrganMap;
-use yawara::lattice::{FRINGE, Lattice};
+use yawara::lattice::cells::build_cells;
 use yawara::material::paper::PaperBody;
-use yawara::material::tissue::TissueBody;
+use yawara::material::tissue::{TissueBody, assemble_varied};
 use yawara::material::{Assembly, RigidKind, RigidParts};
 
 use crate::support::*;
@@ -13,13 +14,12 @@ use crate::support::*;
 /// Density of bone [kg/m^3].
 pub(crate) const BONE: f64 = 1900.0;
 
-/// Makes the particles of some organs rigid: free ones of bone, or anchored.
+/// Makes the particles of some organs of a lattice of voxels rigid: free ones of bone, or anchored.
 pub(crate) fn with_bone(
     (lattice, mut assembly): (Lattice, Assembly),
     kind: impl Fn(u8) -> RigidKind,
 ) -> (Lattice, Assembly) {
-    let kinds: Vec<RigidKind> =
-        lattice.organ.iter().map(|&o| if o == FRINGE { RigidKind::Soft } else { kind(o) }).collect();
+    let kinds: Vec<RigidKind> = lattice.organ.iter().map(|&organ| kind(organ)).collect();
     for (mass, kind) in assembly.mass.iter_mut().zip(&kinds) {
         match kind {
             RigidKind::Soft => {}
@@ -41,7 +41,14 @@ pub(crate) fn paper_bone(map: &OrganMap, soft: PaperBody) -> (Lattice, Assembly)
 }
 
 pub(crate) fn tissue_bone(map: &OrganMap, soft: TissueBody) -> (Lattice, Assembly) {
-    with_bone(tissue_lattice(map, &[Some(soft), None, None]), usual)
+    tissue_with_bone_of(BONE, map, soft)
+}
+
+/// The same with bone of another density [kg/m^3].
+pub(crate) fn tissue_with_bone_of(density: f64, map: &OrganMap, soft: TissueBody) -> (Lattice, Assembly) {
+    let lattice = build_cells(map, None).unwrap();
+    let assembly = assemble_varied(&lattice, &[Some(soft), None, None], &[None, Some(density), None], |_| None);
+    (lattice, assembly)
 }
 
 /// A block of bone and nothing else, stepped by `dt`.
