@@ -29,7 +29,7 @@ use crate::lattice::layout::BLOCK_LEN;
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 
 /// A step is left alone up to this share of the present limit; a new one is [`SAFETY`] of it.
-const TOLERATED: f64 = 0.99;
+const TOLERATED: f64 = 0.85;
 /// `lambda` grows by at most about this much, relative, when neighbours part by one pitch: springs (an even stretch by
 /// `s` adds 1.5 s) and cells (`|cof F|^2` grows with the fourth power).
 const GROWTH: [f64; 2] = [2.0, 6.0];

@@ -177,8 +177,7 @@ fn random_scenes() -> Finding {
             100.0 * tally.error,
             tally.worst
         );
-        // Near the limit undamped tissue may hand energy to and fro between its fastest modes; what diverges gains far more.
-        tally.finding(1.0, happened)
+        tally.finding(0.3, happened)
     })
 }
 

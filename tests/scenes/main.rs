@@ -107,7 +107,7 @@ fn every_shipped_scene_resolves_without_a_warning_and_survives_json() {
             check_paper_step(&scene, path);
         }
     }
-    assert_eq!(files.len(), 10);
+    assert_eq!(files.len(), 11);
     let quickstart = scene::load(&fixtures("scenes/quickstart.toml"), &Names).unwrap().0;
     assert_eq!(parse(scene::QUICKSTART).0, quickstart);
 }
@@ -142,7 +142,7 @@ fn shipped_scenes_find_their_volumes() {
             }
         }
     }
-    assert_eq!(files, 5);
+    assert_eq!(files, 7);
 }
 
 #[test]

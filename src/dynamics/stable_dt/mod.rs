@@ -32,9 +32,12 @@ use crate::material::Assembly;
 
 pub(crate) use rest::{DampingTimes, damping_times, whole_moduli};
 
-/// Share of the limit that the program takes when it chooses the step: the limit of the rest state shrinks by a tenth
-/// of `lambda` within a few percent of strain, and the guard of [`super::step_control`] wants to see it coming.
-pub const SAFETY: f64 = 0.95;
+/// Share of the limit that the program takes when it chooses the step.
+///
+/// Nearer to the limit undamped tissue, though it does not diverge, hands energy to its fastest modes: small blocks shaken
+/// by 0.03 pitches for 20 000 steps ended with 40 to 70 times their energy at 0.95, with up to 65 times at 0.9, and within
+/// 12 % of it at 0.8.
+pub const SAFETY: f64 = 0.8;
 
 /// The step that springs allow at any rotation and stretch [s]: what to give a [`super::World`] that is stepped without
 /// [`super::step_control`]. Infinite when no free particle has a spring.
