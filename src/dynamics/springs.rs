@@ -1,5 +1,6 @@
 //! Spring constants and living springs in block order, and which blocks may take the fast body.
 
+use super::slot_constants::to_slots;
 use crate::kernel::dispatch::kick;
 use crate::kernel::halo::{HALO_LEN, Halo, gather, halo_row};
 use crate::kernel::rows::{Absent, Bits, BlockState, Intact, Known, MeanOfEnds, StepConstants, SumOfCells, Uniform};
@@ -188,13 +189,7 @@ impl BlockSprings {
 
 impl Law {
     fn new(layout: &BlockLayout, assembly: &Assembly) -> Self {
-        let to_slots = |values: &[f32]| {
-            let mut slots = vec![0.0; layout.slots()];
-            for (&slot, &value) in layout.slot.iter().zip(values) {
-                slots[slot as usize] = value;
-            }
-            slots
-        };
+        let to_slots = |values: &[f32]| to_slots(layout, values);
         match (&assembly.stiffness, assembly.damping.as_ref()) {
             (SpringConstants::Uniform(stiffness), None) => Self::Uniform { stiffness: *stiffness, damping: None },
             (SpringConstants::Uniform(stiffness), Some(SpringConstants::Uniform(damping))) => {

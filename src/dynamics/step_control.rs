@@ -26,7 +26,6 @@ use crate::kernel::halo::{HALO_LEN, Halo, gather};
 use crate::kernel::rows::{Bits, StepConstants};
 use crate::kernel::tangent::{CellTangents, TangentState, stiffest};
 use crate::lattice::layout::BLOCK_LEN;
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 
 /// A step is left alone up to this share of the present limit; a new one is [`SAFETY`] of it.
 const TOLERATED: f64 = 0.85;
@@ -307,20 +306,8 @@ impl StepControl {
         if let Some(modulus) = &mut self.modulus {
             let lattice = world.lattice();
             for spring in &severed[self.severed..] {
-                let direction = usize::from(spring.direction);
-                debug_assert!((FIRST_FORWARD..NEIGHBOURS).contains(&direction));
-                let offset = OFFSETS[direction];
-                for side in 0..8 {
-                    // Lowest corner of each cell that holds both ends.
-                    let below = [0, 1, 2].map(|axis| match offset[axis] {
-                        0 => -(side >> axis & 1),
-                        o => o.min(0),
-                    });
-                    if let Some(point) = lattice.grid.shape.neighbour(lattice.ijk(spring.particle), below)
-                        && let Some(&slot) = world.layout.slot.get(lattice.particle_at[point] as usize)
-                    {
-                        modulus[slot as usize] = 0.0;
-                    }
+                for cell in lattice.cells_of_spring(spring.particle, usize::from(spring.direction)) {
+                    modulus[world.layout.slot[cell as usize] as usize] = 0.0;
                 }
             }
         }

@@ -95,21 +95,13 @@ impl Lattice {
     /// The cells that share the spring of `particle` in `direction`, by their lowest corners, where these hold a particle:
     /// up to 4 for a face spring, 2 for a face diagonal, 1 for a body diagonal.
     pub fn cells_of_spring(&self, particle: u32, direction: usize) -> impl Iterator<Item = u32> {
-        let ijk = self.ijk(particle);
-        let offset = neighbours::OFFSETS[direction];
-        (0..8_u32).filter_map(move |choice| {
-            let mut below = [0; 3];
-            for axis in 0..3 {
-                // Along the spring the cell it crosses; across it, the one on either side.
-                let second = choice >> axis & 1 == 1;
-                below[axis] = match offset[axis] {
-                    0 => -i32::from(second),
-                    _ if second => return None,
-                    along => along.min(0),
-                };
-            }
-            let point = self.grid.shape.neighbour(ijk, below)?;
-            Some(self.particle_at[point]).filter(|&corner| corner != NO_PARTICLE)
-        })
+        let points = cells::cells_of_spring(self.grid.shape, self.ijk(particle), neighbours::OFFSETS[direction]);
+        points.map(|point| self.particle_at[point]).filter(|&corner| corner != NO_PARTICLE)
+    }
+
+    /// The cells that have a particle as a corner, by their lowest corners, where these hold a particle: up to 8.
+    pub fn cells_around(&self, particle: u32) -> impl Iterator<Item = u32> {
+        let points = cells::cells_around(self.grid.shape, self.points[particle as usize] as usize);
+        points.map(|point| self.particle_at[point]).filter(|&corner| corner != NO_PARTICLE)
     }
 }

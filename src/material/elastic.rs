@@ -18,9 +18,8 @@
 
 use super::{Assembly, SpringConstants};
 use crate::geometry::{Matrix3, Vector3};
-use crate::lattice::cells::cells_around;
+use crate::lattice::Lattice;
 use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, family};
-use crate::lattice::{Lattice, NO_PARTICLE};
 
 /// Elastic constants of cubic symmetry, along the axes of the lattice [Pa].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,11 +152,9 @@ impl Bulk {
         let belongs = |particle: u32| lattice.organ[particle as usize] == organ;
         let inside = |particle: &u32| {
             if lattice.has_cells() {
-                let is_whole = |cell: usize| match lattice.particle_at[cell] {
-                    NO_PARTICLE => false,
-                    p => lattice.cell_organ[p as usize] == organ && lattice.cell_fill[p as usize] == 1.0,
-                };
-                return cells_around(lattice.grid.shape, lattice.points[*particle as usize] as usize).all(is_whole);
+                let is_full =
+                    |&cell: &u32| lattice.cell_organ[cell as usize] == organ && lattice.cell_fill[cell as usize] == 1.0;
+                return lattice.cells_around(*particle).filter(is_full).count() == 8;
             }
             let neighbour = |direction: usize| lattice.neighbour(*particle, direction);
             belongs(*particle) && (0..NEIGHBOURS).all(|direction| neighbour(direction).is_some_and(belongs))

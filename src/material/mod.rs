@@ -12,7 +12,7 @@ pub mod tissue;
 pub use rigid::{RigidKind, RigidParts};
 
 use crate::lattice::Lattice;
-use crate::lattice::neighbours::{OFFSETS, family};
+use crate::lattice::neighbours::family;
 
 /// A constant (stiffness [N/m] or damping [N s/m]) for every spring of a lattice.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,25 +82,8 @@ impl SpringConstants {
                 0.5 * (f64::from(value[particle as usize]) + f64::from(value[other as usize]))
             }
             Self::SumOfCells { cell, weight } => {
-                let ijk = lattice.ijk(particle);
-                let offset = OFFSETS[direction];
-                let mut sum = 0.0;
-                for c in 0..8_usize {
-                    let side = [c & 1, c >> 1 & 1, c >> 2];
-                    // Along the spring only the cell it crosses; across it, both sides.
-                    if (0..3).any(|a| offset[a] != 0 && side[a] == 1) {
-                        continue;
-                    }
-                    let below = [0, 1, 2].map(|a| match offset[a] {
-                        0 => -(side[a] as i32),
-                        -1 => -1,
-                        _ => 0,
-                    });
-                    if let Some(point) = lattice.grid.shape.neighbour(ijk, below) {
-                        let corner = lattice.particle_at[point];
-                        sum += cell.get(corner as usize).map_or(0.0, |&value| f64::from(value));
-                    }
-                }
+                let cells = lattice.cells_of_spring(particle, direction);
+                let sum: f64 = cells.map(|corner| f64::from(cell[corner as usize])).sum();
                 f64::from(weight[family(direction) - 1]) * sum
             }
         }

@@ -22,9 +22,8 @@
 use rayon::prelude::*;
 
 use super::{Assembly, RigidKind, RigidParts, SpringConstants, VolumeTerm};
+use crate::lattice::Lattice;
 use crate::lattice::build::NO_ORGAN;
-use crate::lattice::cells::cells_around;
-use crate::lattice::{Lattice, NO_PARTICLE};
 
 /// Constants of one organ in model `tissue`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,9 +120,8 @@ pub fn assemble_varied(
         .into_par_iter()
         .map(|particle| {
             let (mut kind, mut density) = (RigidKind::Soft, 0.0);
-            for cell in cells_around(lattice.grid.shape, lattice.points[particle as usize] as usize) {
-                let corner = lattice.particle_at[cell];
-                if corner == NO_PARTICLE || lattice.cell_organ[corner as usize] == NO_ORGAN {
+            for corner in lattice.cells_around(particle) {
+                if lattice.cell_organ[corner as usize] == NO_ORGAN {
                     continue;
                 }
                 let organ = usize::from(lattice.cell_organ[corner as usize]);

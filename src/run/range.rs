@@ -4,9 +4,8 @@
 //! after assembly, so that every way to give them counts.
 
 use super::prepare::PrepareError;
+use crate::lattice::Lattice;
 use crate::lattice::build::NO_ORGAN;
-use crate::lattice::cells::cells_around;
-use crate::lattice::{Lattice, NO_PARTICLE};
 use crate::material::{Assembly, SpringConstants};
 
 /// Refuses an assembly with a mass, stiffness, damping or volume modulus that f32 cannot hold.
@@ -29,14 +28,12 @@ pub(super) fn check(
         SpringConstants::MeanOfEnds(values) => values[particle],
         SpringConstants::SumOfCells { cell, .. } => cell[particle],
     };
-    let shape = lattice.grid.shape;
     let is_rigid = |organ: u8| rigid.get(usize::from(organ)).copied().unwrap_or(false);
     for particle in 0..lattice.len() {
         // Cells have springs, and particles a mass, unless a rigid cell holds them.
         let (organ, soft, free) = if lattice.has_cells() {
             let organ = lattice.cell_organ[particle];
-            let held = cells_around(shape, lattice.points[particle] as usize)
-                .any(|cell| matches!(lattice.particle_at[cell], p if p != NO_PARTICLE && is_rigid(lattice.cell_organ[p as usize])));
+            let held = lattice.cells_around(particle as u32).any(|cell| is_rigid(lattice.cell_organ[cell as usize]));
             (organ, organ != NO_ORGAN && !is_rigid(organ), !held)
         } else {
             let organ = lattice.organ[particle];

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, direction_of, family};
+use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, family};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 use crate::material::{Assembly, SpringConstants};
 
@@ -310,45 +310,9 @@ const fn octant_dyads() -> [[Symmetric; 3]; 8] {
 
 /// The values of the cells whose 28 springs are all alive; 0 for the others. Shape `[particles]`.
 pub(crate) fn whole_moduli(lattice: &Lattice, topology: &Topology, values: &[f32]) -> Vec<f32> {
-    let alive = topology.alive();
-    let shape = lattice.grid.shape;
-    let steps: [usize; 8] = std::array::from_fn(|c| shape.linear([c & 1, c >> 1 & 1, c >> 2]));
-    (0..lattice.len())
-        .into_par_iter()
-        .map(|particle| {
-            let value = values[particle];
-            // The lowest corner's own seven springs say that the other corners exist.
-            if value == 0.0 || alive[particle] & WITHIN[0] != WITHIN[0] {
-                return 0.0;
-            }
-            let point = lattice.points[particle] as usize;
-            let whole = (1..8).all(|c| {
-                let corner = lattice.particle_at[point + steps[c]];
-                alive[corner as usize] & WITHIN[c] == WITHIN[c]
-            });
-            if whole { value } else { 0.0 }
-        })
-        .collect()
-}
-
-/// The seven springs of each corner of a cell (x fastest) that stay in the cell.
-const WITHIN: [u32; 8] = within();
-
-const fn within() -> [u32; 8] {
-    let mut masks = [0; 8];
-    let mut a = 0;
-    while a < 8_i32 {
-        let mut b = 0;
-        while b < 8_i32 {
-            if a != b {
-                let offset = [(b & 1) - (a & 1), (b >> 1 & 1) - (a >> 1 & 1), (b >> 2) - (a >> 2)];
-                masks[a as usize] |= 1 << direction_of(offset);
-            }
-            b += 1;
-        }
-        a += 1;
-    }
-    masks
+    let whole = |cell: u32| topology.whole_cell(lattice, cell).is_some();
+    let kept = |(&value, cell)| if value != 0.0 && whole(cell) { value } else { 0.0 };
+    values.par_iter().zip(0..lattice.len() as u32).map(kept).collect()
 }
 
 fn trace(m: &Symmetric) -> f64 {
