@@ -57,7 +57,7 @@
 //! use yawara::{cut::Blade, dynamics::World, dynamics::stable_dt::stable_dt, geometry::{Point3, Vector3}, volume::Volume};
 //! use yawara::lattice::{Topology, build::NO_ORGAN, cells::build_cells, region::Region};
 //! use yawara::material::tissue::{Damping, TissueBody, assemble};
-//! use yawara::surface::{Surface, field, mesh::OrganMesh};
+//! use yawara::surface::{Surface, field, mesh::{Finish, OrganMesh}};
 //! use yawara::io::{nifti, stl};
 //!
 //! # let folder = tempfile::tempdir()?;
@@ -89,7 +89,7 @@
 //! let surface = Surface::extract(world.lattice(), world.topology(), &values)?;
 //! let mesh = surface.carry(world.lattice(), &world.displacements_mm());
 //! assert!(yawara::surface::check::check(&mesh).passes());
-//! let organ = OrganMesh { name: "liver".to_owned(), color: [0.5, 0.1, 0.1], mesh };
+//! let organ = OrganMesh { name: "liver".to_owned(), color: [0.5, 0.1, 0.1], finish: Finish::Wet, mesh };
 //! stl::write_stl(&folder.join("liver.stl"), &[organ])?;
 //! # Ok(())
 //! # }

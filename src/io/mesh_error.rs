@@ -213,12 +213,12 @@ pub(crate) fn check_organ(path: &Path, organ: &OrganMesh) -> Result<(), WriteMes
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::mesh::TriangleMesh;
+    use crate::surface::mesh::{Finish, TriangleMesh};
 
     fn triangle() -> OrganMesh {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let mesh = TriangleMesh { positions, triangles: vec![[0, 1, 2]], ..TriangleMesh::default() };
-        OrganMesh { name: "liver".into(), color: [0.5, 0.1, 0.1], mesh }
+        OrganMesh { name: "liver".into(), color: [0.5, 0.1, 0.1], finish: Finish::Wet, mesh }
     }
 
     fn message(change: impl FnOnce(&mut OrganMesh)) -> String {

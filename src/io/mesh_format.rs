@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::gltf::{GlbReader, write_glb};
 use super::mesh_error::{ReadMeshError, WriteMeshError};
 use super::{ply, stl};
-use crate::surface::mesh::OrganMesh;
+use crate::surface::mesh::{Finish, OrganMesh};
 
 /// The placeholder of a frame's number.
 const FRAME: &str = "{frame}";
@@ -133,7 +133,7 @@ impl MeshFormat {
             Self::Glb => return GlbReader::open(path)?.read_frame(0),
         };
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(vec![OrganMesh { name, color: [0.8; 3], mesh }])
+        Ok(vec![OrganMesh { name, color: [0.8; 3], finish: Finish::default(), mesh }])
     }
 }
 

@@ -7,7 +7,7 @@ use crate::lattice::{Lattice, Topology};
 use crate::scene::resolved::{Body, Scene, VoxelSelection};
 use crate::store::{ReadRunError, RunReader};
 use crate::surface::check::check;
-use crate::surface::mesh::OrganMesh;
+use crate::surface::mesh::{Finish, OrganMesh};
 use crate::surface::{Surface, SurfaceError, field};
 
 use super::record::HU_ARRAY;
@@ -127,7 +127,7 @@ impl RunMesher {
                 let organ = &self.scene.organs[*organ];
                 let mut mesh = surface.carry(self.reader.lattice(), &frame.displacements_mm);
                 mesh.labels = vec![label_of(&organ.voxels); mesh.positions.len()];
-                OrganMesh { name: organ.name.clone(), color: organ.color, mesh }
+                OrganMesh { name: organ.name.clone(), color: organ.color, finish: finish_of(&organ.body), mesh }
             })
             .collect();
         Ok((frame.time_s, meshes))
@@ -230,6 +230,11 @@ pub fn organ_volumes(world: &World, scene: &Scene, hu: Option<&[f32]>) -> Result
 pub fn scene_of(reader: &RunReader) -> Result<Scene, MeshRunError> {
     serde_json::from_value(reader.scene().clone())
         .map_err(|source| MeshRunError::Scene { path: reader.path().join("scene.json"), source })
+}
+
+/// Bone is dry, everything soft is wet.
+fn finish_of(body: &Body) -> Finish {
+    if matches!(body, Body::Rigid { .. }) { Finish::Dry } else { Finish::Wet }
 }
 
 /// The label that stands for an organ's tissue in files: its first, or 1 when it was chosen by HU.

@@ -5,7 +5,7 @@ mod broken;
 mod meshes;
 mod slices;
 
-use yawara::surface::mesh::{OrganMesh, TriangleMesh};
+use yawara::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 
 /// A closed, outward, lumpy ball without any symmetry, with every attribute: `rings` x `2 rings` facets of latitude and longitude.
 pub(crate) fn blob(name: &str, center: [f32; 3], rings: u32) -> OrganMesh {
@@ -40,7 +40,7 @@ pub(crate) fn blob(name: &str, center: [f32; 3], rings: u32) -> OrganMesh {
         }
         mesh.triangles.push([at(rings - 1, column), last, at(rings - 1, column + 1)]);
     }
-    OrganMesh { name: name.into(), color: [0.6, 0.1, 0.05], mesh }
+    OrganMesh { name: name.into(), color: [0.6, 0.1, 0.05], finish: Finish::Wet, mesh }
 }
 
 /// Enclosed volume in the cubed unit of the positions; positive when triangles face outward in a right-handed space.

@@ -127,7 +127,7 @@ fn middle(organs: &[OrganMesh]) -> Option<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::mesh::TriangleMesh;
+    use crate::surface::mesh::{Finish, TriangleMesh};
 
     #[test]
     fn the_size_limit_refuses_the_frame_and_names_the_way_out() {
@@ -135,7 +135,7 @@ mod tests {
         let path = folder.path().join("run.glb");
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let mesh = TriangleMesh { positions, triangles: vec![[0, 1, 2]], ..TriangleMesh::default() };
-        let organs = [OrganMesh { name: "liver".into(), color: [1.0; 3], mesh }];
+        let organs = [OrganMesh { name: "liver".into(), color: [1.0; 3], finish: Finish::Wet, mesh }];
         let mut writer = AnimatedGlbWriter::create(&path).unwrap();
         writer.document.set_limit(100);
         writer.push_frame(0.0, &organs).unwrap();

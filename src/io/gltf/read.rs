@@ -17,7 +17,7 @@ use gltf_json::{Accessor, Index, Node, Root, mesh};
 use super::{CHUNK_BIN, CHUNK_JSON, FORMAT, MAGIC, VERSION, from_gltf};
 use crate::geometry::{Matrix3, Matrix4, Point3, Vector3};
 use crate::io::mesh_error::ReadMeshError;
-use crate::surface::mesh::{OrganMesh, TriangleMesh};
+use crate::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 
 /// A GLB opened for reading; frames are read one at a time.
 pub struct GlbReader {
@@ -219,7 +219,7 @@ impl GlbReader {
             return Err(self.malformed(format!("mesh {} does not exist", index.value())));
         };
         let name = found.name.or_else(|| node.name.clone()).unwrap_or_else(|| format!("mesh {}", index.value()));
-        let mut organ = OrganMesh { name, color: [1.0; 3], mesh: TriangleMesh::default() };
+        let mut organ = OrganMesh { name, color: [1.0; 3], finish: Finish::default(), mesh: TriangleMesh::default() };
         let (mut bare, mut unlabelled, mut unmoved) = (false, false, false);
         for primitive in &found.primitives {
             if let Some(material) = primitive.material.and_then(|material| self.root.get(material)) {
