@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::paint::PaintArguments;
 use crate::run::meshes::DEFAULT_SMOOTHING;
 use crate::slice::SliceAxis;
 
@@ -108,6 +109,8 @@ pub(super) struct MeshArguments {
     /// Write STL as text.
     #[arg(long)]
     pub(super) ascii: bool,
+    #[command(flatten)]
+    pub(super) paint: PaintArguments,
 }
 
 /// Which frames of a run.

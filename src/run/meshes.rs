@@ -133,6 +133,11 @@ impl RunMesher {
         Ok((frame.time_s, meshes))
     }
 
+    /// Whether each vertex of the meshes given last lies on a face of a cut; one list per organ, empty before the first frame.
+    pub fn on_cut(&self) -> Vec<Vec<bool>> {
+        self.epoch.iter().flat_map(|(_, surfaces)| surfaces.iter().map(|surface| surface.on_seam().collect())).collect()
+    }
+
     fn extract(&self, topology: &Topology) -> Result<Vec<Surface>, MeshRunError> {
         let lattice: &Lattice = self.reader.lattice();
         self.organs
