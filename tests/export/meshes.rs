@@ -35,8 +35,19 @@ fn joined(organs: &[OrganMesh]) -> TriangleMesh {
         whole.normals.extend(&mesh.normals);
         whole.labels.extend(&mesh.labels);
         whole.displacements.extend(&mesh.displacements);
+        whole.hu.extend(&mesh.hu);
+        whole.strains.extend(&mesh.strains);
+        whole.speeds.extend(&mesh.speeds);
+        whole.colors.extend(&mesh.colors);
     }
     whole
+}
+
+/// True when linear colours differ by no more than half a byte of sRGB.
+fn same_in_srgb(found: &[[f32; 3]], expected: &[[f32; 3]]) -> bool {
+    let encode = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    let near = |(a, b): (&f32, &f32)| (encode(*a) - encode(*b)).abs() <= 0.501 / 255.0;
+    found.len() == expected.len() && found.iter().flatten().zip(expected.iter().flatten()).all(near)
 }
 
 /// Corners of each triangle, which is all an STL file holds.
@@ -105,12 +116,21 @@ fn ply_gives_back_everything_exactly() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.ply");
     write(MeshFormat::Ply, &path, &organs());
-    assert_eq!(ply::read_ply(&path).unwrap(), joined(&organs()));
+    let (mut found, mut expected) = (ply::read_ply(&path).unwrap(), joined(&organs()));
+    assert!(same_in_srgb(&found.colors, &expected.colors));
+    (found.colors, expected.colors) = Default::default();
+    assert_eq!(found, expected);
     let bytes = fs::read(&path).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     assert!(header.is_ascii() && header.contains("comment unit mm; patient space RAS+"), "{header}");
     assert!(header.contains(r#"organ "kidney, \"left\"\n\u{e9}": 42 vertices from 146"#), "{header}");
+    for line in ["float hu", "float strain", "float speed", "uchar red", "uchar green", "uchar blue"] {
+        assert!(header.contains(&format!("property {line}\n")), "{header}");
+    }
+    for note in ["displacement: from rest, mm", "hu: CT", "strain: equivalent", "speed: mm/s", "blue: sRGB"] {
+        assert!(header.contains(note), "{header}");
+    }
     assert!(header.contains("property ushort label") && header.contains("property list uchar int vertex_indices"));
 }
 
@@ -121,9 +141,12 @@ fn ply_leaves_out_what_an_organ_lacks() {
     let mut organs = organs();
     organs[1].mesh.labels.clear();
     organs[0].mesh.normals.clear();
+    organs[1].mesh.colors.clear();
+    organs[1].mesh.speeds.clear();
     write(MeshFormat::Ply, &path, &organs);
     let found = ply::read_ply(&path).unwrap();
-    assert!(found.labels.is_empty() && found.normals.is_empty());
+    assert!(found.labels.is_empty() && found.normals.is_empty() && found.speeds.is_empty() && found.colors.is_empty());
+    assert_eq!(found.hu, joined(&organs).hu);
     assert_eq!(found.displacements, joined(&organs).displacements);
 }
 
