@@ -38,6 +38,11 @@ pub(super) fn push_f32<const N: usize>(bytes: &mut Vec<u8>, values: [f32; N]) {
     bytes.extend_from_slice(values.map(f32::to_le_bytes).as_flattened());
 }
 
+/// Appends text, as `write!` forms it.
+pub(super) fn push_text(bytes: &mut Vec<u8>, text: std::fmt::Arguments) {
+    bytes.write_fmt(text).expect("memory takes every byte");
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

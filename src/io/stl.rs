@@ -11,7 +11,7 @@ use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 use super::atomic;
-use super::encode::{push_f32, write_records};
+use super::encode::{push_f32, push_text, write_records};
 use super::mesh_error::{ReadMeshError, WriteMeshError, check_organs};
 use crate::surface::mesh::{OrganMesh, TriangleMesh};
 
@@ -83,12 +83,11 @@ pub fn write_stl_ascii(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMes
 fn push_facet_text(text: &mut Vec<u8>, mesh: &TriangleMesh, corners: &[u32; 3]) {
     let corners = corners.map(|corner| mesh.positions[corner as usize]);
     let [x, y, z] = facet_normal(corners);
-    let mut facet = format!("facet normal {x:e} {y:e} {z:e}\nouter loop\n");
+    push_text(text, format_args!("facet normal {x:e} {y:e} {z:e}\nouter loop\n"));
     for [x, y, z] in corners {
-        facet.push_str(&format!("vertex {x:e} {y:e} {z:e}\n"));
+        push_text(text, format_args!("vertex {x:e} {y:e} {z:e}\n"));
     }
-    text.extend_from_slice(facet.as_bytes());
-    text.extend_from_slice(b"endloop\nendfacet\n");
+    push_text(text, format_args!("endloop\nendfacet\n"));
 }
 
 fn facet_normal(corners: [[f32; 3]; 3]) -> [f32; 3] {
