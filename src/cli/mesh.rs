@@ -10,7 +10,7 @@ use super::messages::{Messages, out};
 use super::paint::frame;
 use super::progress;
 use super::source::Source;
-use crate::io::gltf::AnimatedGlbWriter;
+use crate::io::gltf::{Precision, StepAnimationWriter};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
 use crate::run::meshes::RunMesher;
 use crate::run::paint::Painter;
@@ -88,7 +88,7 @@ pub(super) fn write(
             }
         }
         MeshOutput::Animation(path) => {
-            let mut animation = AnimatedGlbWriter::create(path)?;
+            let mut animation = StepAnimationWriter::create(path, Precision::Float)?;
             for &number in frames {
                 let (time, meshes) = frame(mesher, painter, number)?;
                 animation.push_frame(time, &meshes)?;
