@@ -12,7 +12,7 @@ use crate::volume::CtVolume;
 
 /// How far inside the skin is sampled, in voxels along the normal. Half a voxel leaves the partial volume of the border
 /// voxel itself; one and a half is clear of the blur of a CT's reconstruction as well.
-pub const SKIN_DEPTH: f64 = 1.25;
+pub const SKIN_DEPTH: f64 = 1.5;
 
 /// Vertices per parallel task.
 const VERTICES_PER_TASK: usize = 1 << 12;

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::colormap::Colormap;
+use super::colormap::{Colormap, label_color};
 use super::detail::{AMPLITUDE, Detail};
 use super::rest::RestSurface;
-use super::transfer::{TransferFunction, linear_of_oklab};
+use super::transfer::{Capsule, TransferFunction};
 use crate::surface::mesh::TriangleMesh;
 
 /// What the colour of a vertex says.
@@ -88,8 +88,15 @@ pub enum Paint<'a> {
     Flat([f32; 3]),
     /// By their labels.
     Labels,
-    /// By the CT, through the organ's transfer function.
-    Tissue(&'a TransferFunction),
+    /// By the CT, through the organ's transfer function; whole contrast on the faces of cuts, through the capsule elsewhere.
+    Tissue {
+        /// Colours of CT numbers.
+        transfer: &'a TransferFunction,
+        /// The skin.
+        capsule: Capsule,
+        /// Whether each vertex lies on a face of a cut.
+        on_cut: &'a [bool],
+    },
     /// By an attribute, through a colour map.
     Scale(Legend),
 }
@@ -108,9 +115,13 @@ pub fn colors(mesh: &TriangleMesh, paint: Paint<'_>) -> Vec<[f32; 3]> {
             needed(mesh.labels.len());
             each(&|vertex| label_color(mesh.labels[vertex]))
         }
-        Paint::Tissue(transfer) => {
+        Paint::Tissue { transfer, capsule, on_cut } => {
             needed(mesh.hu.len());
-            each(&|vertex| transfer.rgb(mesh.hu[vertex]))
+            needed(on_cut.len());
+            each(&|vertex| {
+                let hu = mesh.hu[vertex];
+                transfer.rgb(if on_cut[vertex] { hu } else { capsule.hu(hu) })
+            })
         }
         Paint::Scale(legend) => match legend.by {
             ColorBy::Hu => {
@@ -164,14 +175,6 @@ fn typical_edge(surface: &RestSurface, triangles: &[[u32; 3]]) -> f64 {
         }
     }
     if count == 0 { f64::INFINITY } else { (sum / f64::from(count)).sqrt() }
-}
-
-/// A colour of its own for a label: hues a golden section apart, so that neighbouring numbers are far from each other, at
-/// one lightness.
-pub fn label_color(label: u16) -> [f32; 3] {
-    const GOLDEN: f64 = 0.618_033_988_75;
-    let turn = std::f64::consts::TAU * (f64::from(label) * GOLDEN).fract();
-    linear_of_oklab([0.72, 0.11 * turn.cos(), 0.11 * turn.sin()])
 }
 
 /// Length of a vector.

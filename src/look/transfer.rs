@@ -72,7 +72,7 @@ impl HuSpread {
 /// Darker than the organ, by this factor of Oklab lightness.
 const LOW_LIGHTNESS: f64 = 0.55;
 /// The window reaches from so many deviations below the median to so many above.
-const WINDOW: [f32; 2] = [4.0, 6.0];
+const WINDOW: [f32; 2] = [3.0, 4.5];
 /// Deviations that a default window takes at least and at most \[HU\]. Below, the noise of a good scanner would fill it;
 /// above lie organs with contents of every kind, such as bowel with gas.
 const DEVIATION: [f32; 2] = [9.0, 40.0];
@@ -126,6 +126,29 @@ pub fn window_of(name: &str, spread: HuSpread) -> [f32; 2] {
     [spread.median - WINDOW[0] * deviation, spread.median + WINDOW[1] * deviation]
 }
 
+/// How much of the contrast of the CT the skin of an organ shows: it is seen through a capsule of its own colour.
+const CAPSULE_CONTRAST: f32 = 0.35;
+
+/// The skin of an organ: CT numbers as they look through its capsule.
+///
+/// Bare, the noise of the scanner would mottle the skin, and a border drawn half a voxel too far out would let fat and air
+/// shine through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Capsule {
+    /// Median of the organ \[HU\].
+    pub median: f32,
+    /// What the organ itself has \[HU\]: beyond is something else.
+    pub window: [f32; 2],
+}
+
+impl Capsule {
+    /// The CT number whose colour stands for `hu` on the skin \[HU\].
+    pub fn hu(self, hu: f32) -> f32 {
+        let [low, high] = self.window;
+        (self.median + CAPSULE_CONTRAST * (hu.clamp(low, high) - self.median)).clamp(low, high)
+    }
+}
+
 /// The colours of an organ over a window.
 ///
 /// - `color`: its own, linear RGB in 0..=1, taken two fifths of the way up the window (at the median of a default one).
@@ -176,11 +199,6 @@ fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3 {
 
 fn to_oklab(color: [f32; 3]) -> Vector3 {
     matrix(&LAB) * (matrix(&CONES) * Vector3::from(color.map(f64::from))).map(f64::cbrt)
-}
-
-/// Linear RGB in 0..=1 of an Oklab colour, held within what a screen shows.
-pub(super) fn linear_of_oklab(lab: [f64; 3]) -> [f32; 3] {
-    to_linear(Vector3::from(lab))
 }
 
 fn to_linear(lab: Vector3) -> [f32; 3] {

@@ -15,7 +15,7 @@ use crate::look::paint::{self, ColorBy, Legend, Paint};
 use crate::look::particles::at_rest;
 use crate::look::rest::RestSurface;
 use crate::look::strain::equivalent_strains;
-use crate::look::transfer::{HuSpread, TransferFunction, tissue_colors, window_of};
+use crate::look::transfer::{Capsule, HuSpread, TransferFunction, tissue_colors, window_of};
 use crate::scene::resolved::{Look, Organ, Scene, VolumeSource};
 use crate::store::{InputFile, ReadRunError, RunReader};
 use crate::surface::mesh::OrganMesh;
@@ -121,8 +121,14 @@ pub struct Painter {
 /// What an organ looks like.
 struct OrganLook {
     name: String,
-    transfer: Option<TransferFunction>,
+    tissue: Option<Tissue>,
     detail: Detail,
+}
+
+/// What its CT numbers look like.
+struct Tissue {
+    transfer: TransferFunction,
+    capsule: Capsule,
 }
 
 impl Painter {
@@ -142,10 +148,10 @@ impl Painter {
         let by_tissue = options.by == Some(ColorBy::Hu) && options.colormap.is_none();
         let organs = scene.organs.iter().enumerate().map(|(number, organ)| OrganLook {
             name: organ.name.clone(),
-            transfer: ct
+            tissue: ct
                 .as_ref()
                 .filter(|_| by_tissue)
-                .map(|ct| transfer_of(organ, number as u8, options.range, ct, reader.lattice())),
+                .map(|ct| tissue_of(organ, number as u8, options.range, ct, reader.lattice())),
             detail: Detail::of_organ(&organ.name),
         });
         let organs = organs.collect();
@@ -158,7 +164,7 @@ impl Painter {
             }),
             Some(by) => {
                 let range = options.range.map_or_else(|| range_of(reader, by), Ok)?;
-                Some(Legend { by, range, colormap: options.colormap.unwrap_or(Colormap::Viridis) })
+                Some(Legend { by, range, colormap: options.colormap.unwrap_or_default() })
             }
         };
         Ok(Self { options, organs, ct, legend })
@@ -208,7 +214,7 @@ impl Painter {
                 if let Some(velocities) = &velocities {
                     mesh.speeds = at_rest(lattice, velocities, &rest).into_iter().map(paint::length).collect();
                 }
-                if let Some(paint) = self.paint_of(look, organ.color) {
+                if let Some(paint) = self.paint_of(look, organ.color, on_cut) {
                     mesh.colors = paint::colors(mesh, paint);
                     if detailed {
                         let mut colors = std::mem::take(&mut mesh.colors);
@@ -216,18 +222,18 @@ impl Painter {
                         mesh.colors = colors;
                     }
                 }
-            } else if let Some(paint) = self.paint_of(look, organ.color) {
+            } else if let Some(paint) = self.paint_of(look, organ.color, on_cut) {
                 mesh.colors = paint::colors(mesh, paint);
             }
         }
         Ok(())
     }
 
-    fn paint_of<'a>(&self, look: &'a OrganLook, color: [f32; 3]) -> Option<Paint<'a>> {
-        Some(match (self.options.by?, self.legend, &look.transfer) {
+    fn paint_of<'a>(&self, look: &'a OrganLook, color: [f32; 3], on_cut: &'a [bool]) -> Option<Paint<'a>> {
+        Some(match (self.options.by?, self.legend, &look.tissue) {
             (_, Some(legend), _) => Paint::Scale(legend),
             (ColorBy::Label, ..) => Paint::Labels,
-            (_, _, Some(transfer)) => Paint::Tissue(transfer),
+            (_, _, Some(Tissue { transfer, capsule })) => Paint::Tissue { transfer, capsule: *capsule, on_cut },
             _ => Paint::Flat(color),
         })
     }
@@ -252,28 +258,28 @@ fn load_ct(reader: &RunReader, scene: &Scene) -> Result<CtVolume, PaintRunError>
     inputs.image.ok_or_else(no_image)
 }
 
-/// The transfer function of an organ: its own, else the colours of its tissue over a window, given or its own.
-fn transfer_of(
-    organ: &Organ,
-    number: u8,
-    range: Option<[f32; 2]>,
-    ct: &CtVolume,
-    lattice: &Lattice,
-) -> TransferFunction {
-    let window = match (range, &organ.look) {
-        (Some(range), _) => range,
+/// The colours of an organ's CT numbers, its own or those of its tissue over a window, and its skin.
+fn tissue_of(organ: &Organ, number: u8, range: Option<[f32; 2]>, ct: &CtVolume, lattice: &Lattice) -> Tissue {
+    let own = (0..lattice.len() as u32).filter(|&particle| lattice.organ[particle as usize] == number);
+    let values = own.map(|particle| ct.sample(lattice.rest_place(particle), f32::NAN));
+    let spread = HuSpread::of(values);
+    let found = spread.map_or(ABDOMEN_WINDOW, |spread| window_of(&organ.name, spread));
+    let (window, transfer) = match (range, &organ.look) {
         (None, Some(Look::Colors(points))) => {
             let points: Vec<_> = points.iter().map(|point| (point.hu, point.color)).collect();
-            return TransferFunction::new(&points);
+            (found, TransferFunction::new(&points))
         }
-        (None, Some(Look::Window(window))) => *window,
-        (None, None) => {
-            let own = (0..lattice.len() as u32).filter(|&particle| lattice.organ[particle as usize] == number);
-            let values = own.map(|particle| ct.sample(lattice.rest_place(particle), f32::NAN));
-            HuSpread::of(values).map_or(ABDOMEN_WINDOW, |spread| window_of(&organ.name, spread))
+        (range, look) => {
+            let window = match (range, look) {
+                (Some(window), _) => window,
+                (None, Some(Look::Window(window))) => *window,
+                _ => found,
+            };
+            (window, tissue_colors(&organ.name, organ.color, window))
         }
     };
-    tissue_colors(&organ.name, organ.color, window)
+    let middle = 0.5 * (window[0] + window[1]);
+    Tissue { transfer, capsule: Capsule { median: spread.map_or(middle, |spread| spread.median), window } }
 }
 
 fn strains(reader: &RunReader, frame: usize) -> Result<Vec<[f32; 1]>, ReadRunError> {
