@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::paint::PaintArguments;
 use crate::run::meshes::{DEFAULT_SMOOTHING, Resolution};
 use crate::slice::SliceAxis;
 
@@ -111,6 +112,8 @@ pub(super) struct MeshArguments {
     /// Write STL as text.
     #[arg(long)]
     pub(super) ascii: bool,
+    #[command(flatten)]
+    pub(super) paint: PaintArguments,
 }
 
 /// How fine a surface is.

@@ -44,7 +44,7 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
         let mut mesher = mesher(&run, organs, &MeshOptions::default(), messages)?;
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
-        write(&mut mesher, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;
+        write(&mut mesher, None, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;
         Ok(())
     };
     mesh(ANIMATION, &[], true)?;

@@ -12,6 +12,7 @@ mod facts;
 mod info;
 mod mesh;
 mod messages;
+mod paint;
 mod phantom;
 mod progress;
 mod run;

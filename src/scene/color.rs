@@ -47,7 +47,7 @@ pub(super) fn default_for(name: &str, index: usize) -> [f32; 3] {
 }
 
 /// The transfer function of IEC 61966-2-1 (sRGB), decoded.
-fn linear(byte: u8) -> f32 {
+pub(crate) fn linear(byte: u8) -> f32 {
     let value = f64::from(byte) / 255.0;
     let linear = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
     linear as f32
