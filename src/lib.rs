@@ -29,6 +29,7 @@
 //! | [`store`] | the run directory |
 //! | [`surface`] | cut-aware marching cubes, carrying, checking |
 //! | [`slice`] | a plane of a volume, at rest or carried by the lattice |
+//! | [`render`] | pictures of surfaces and of the lattice, drawn without a graphics card |
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
 //! | [`verify`] | what the program promises, tried out |
@@ -114,6 +115,8 @@ pub mod store;
 pub mod surface;
 
 pub mod slice;
+
+pub mod render;
 
 pub mod plot;
 pub mod run;

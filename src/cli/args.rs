@@ -35,6 +35,7 @@ pub(super) enum Command {
     Run(RunArguments),
     Mesh(MeshArguments),
     Slice(SliceArguments),
+    Render(super::render_arguments::RenderArguments),
     Volume(VolumeArguments),
     Phantom(PhantomArguments),
     Info(InfoArguments),
@@ -319,6 +320,8 @@ pub(super) enum BenchCommand {
     Lattice(BenchLatticeArguments),
     /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
     Surface(BenchSurfaceArguments),
+    /// A picture of a bumpy ball, all but reading and writing files.
+    Render(BenchRenderArguments),
 }
 
 #[derive(Debug, Args)]
@@ -341,6 +344,23 @@ pub(super) struct BenchSurfaceArguments {
     /// Grid points along each edge, 2 to 1024.
     #[arg(long, default_value_t = 256)]
     pub(super) n: usize,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench render --triangles 1000000 --size 1920x1080")]
+pub(super) struct BenchRenderArguments {
+    /// Triangles of the ball, about; 1000 to 20000000.
+    #[arg(long, default_value_t = 1_000_000)]
+    pub(super) triangles: usize,
+    /// Width and height of the picture [px], sides from 16 to 8192.
+    #[arg(long, default_value = "1920x1080", value_name = "WxH", value_parser = super::render_arguments::size)]
+    pub(super) size: [u32; 2],
+    /// Write the picture, too (PNG).
+    #[arg(long, short, value_name = "FILE")]
+    pub(super) output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

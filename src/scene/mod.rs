@@ -12,7 +12,7 @@
 
 mod bodies;
 mod checks;
-mod color;
+pub(crate) mod color;
 mod diagnostics;
 mod json_schema;
 mod operations;
