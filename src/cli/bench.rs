@@ -148,9 +148,9 @@ fn render(arguments: &BenchRenderArguments) -> anyhow::Result<()> {
     let found = mesh.triangles.len();
     let organ = OrganMesh { name: "ball".to_owned(), color: [0.26, 0.044, 0.027], finish: Finish::Wet, mesh };
     let organs = [organ];
-    let mut framing = Framing::new(Direction::THREE_QUARTER)?;
+    let mut framing = Framing::new(Direction::THREE_QUARTER, size)?;
     framing.include(&organs);
-    let camera = framing.camera(&Lens::default(), size)?;
+    let camera = framing.camera(&Lens::default())?;
     let mut best = f64::INFINITY;
     let mut picture = None;
     for _ in 0..RENDER_RUNS {

@@ -64,7 +64,7 @@ fn camera(
     numbers: &[usize],
     last: usize,
 ) -> anyhow::Result<Camera> {
-    let mut framing = Framing::new(arguments.direction())?;
+    let mut framing = Framing::new(arguments.direction(), arguments.size)?;
     let mut shown = numbers.to_vec();
     shown.extend([0, last]);
     shown.sort_unstable();
@@ -73,7 +73,7 @@ fn camera(
         framing.include(&subject.frame(number)?);
     }
     let lens = Lens { zoom: arguments.zoom, center: arguments.center, orthographic: arguments.orthographic };
-    Ok(framing.camera(&lens, arguments.size)?)
+    Ok(framing.camera(&lens)?)
 }
 
 fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera, path: &Path) -> anyhow::Result<()> {

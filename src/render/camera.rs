@@ -10,7 +10,9 @@ use crate::surface::mesh::OrganMesh;
 /// Angle of view across the shorter side of the picture: about that of a portrait lens.
 const FIELD_OF_VIEW_DEGREES: f64 = 22.0;
 /// Share of the picture that what is framed may fill.
-const FILLED: f64 = 0.86;
+const FILLED: f64 = 0.88;
+/// Least way from the eye to what is framed [half extents of what is framed].
+const LEAST_GAP: f64 = 0.5;
 /// Zooms that projection keeps its accuracy for.
 const ZOOMS: std::ops::RangeInclusive<f64> = 0.02..=50.0;
 /// Sides of a picture [px].
@@ -68,88 +70,102 @@ fn turned(degrees: f64) -> (f64, f64) {
     }
 }
 
-/// What a picture, or every picture of a sequence, must show: bounds along the axes of a view.
+/// What a picture, or every picture of a sequence, must show: bounds along the axes of a view and along its borders.
 #[derive(Debug, Clone)]
 pub struct Framing {
     axes: [Vector3; 3],
+    size: [u32; 2],
     low: [f64; 3],
     high: [f64; 3],
+    /// Farthest place beyond the left, right, lower and upper border of a pyramid of view, measured across the view.
+    beyond: [f64; 4],
 }
 
 impl Framing {
-    /// Nothing yet, to be seen from a direction.
+    /// Nothing yet, to be seen from a direction on a picture of this width and height [px].
     ///
     /// # Errors
-    /// If an angle is not finite.
-    pub fn new(direction: Direction) -> Result<Self, RenderError> {
+    /// If an angle is not finite or no picture of this size can be drawn.
+    pub fn new(direction: Direction, size: [u32; 2]) -> Result<Self, RenderError> {
+        let [width, height] = size;
+        if size.iter().any(|side| !SIDES.contains(side)) || u64::from(width) * u64::from(height) > MOST_PIXELS {
+            return Err(RenderError::Size { width, height });
+        }
         for (what, found) in [("azimuth", direction.azimuth), ("elevation", direction.elevation)] {
             if !found.is_finite() {
                 return Err(RenderError::Camera { what, found, expected: "a finite number of degrees" });
             }
         }
-        Ok(Self { axes: direction.axes(), low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] })
+        let (none, all) = (f64::INFINITY, f64::NEG_INFINITY);
+        Ok(Self { axes: direction.axes(), size, low: [none; 3], high: [all; 3], beyond: [all; 4] })
+    }
+
+    /// Focal length of a zoom of 1 [px], and the slopes of the borders of what may be filled.
+    fn lens(&self) -> (f64, [f64; 2]) {
+        let [width, height] = self.size.map(f64::from);
+        let focal = 0.5 * width.min(height) / (0.5 * FIELD_OF_VIEW_DEGREES).to_radians().tan();
+        (focal, [width, height].map(|side| 0.5 * FILLED * side / focal))
     }
 
     /// Makes room for meshes: vertices that are not finite are passed over, drawing will refuse them.
     pub fn include(&mut self, organs: &[OrganMesh]) {
+        let (_, slopes) = self.lens();
         for position in organs.iter().flat_map(|organ| &organ.mesh.positions) {
             let place = Vector3::from(position.map(f64::from));
-            for (axis, direction) in self.axes.iter().enumerate() {
-                let along = direction.dot(&place);
-                if along.is_finite() {
-                    self.low[axis] = self.low[axis].min(along);
-                    self.high[axis] = self.high[axis].max(along);
+            let along @ [x, y, back] = self.axes.map(|axis| axis.dot(&place));
+            if along.iter().all(|x| x.is_finite()) {
+                for axis in 0..3 {
+                    self.low[axis] = self.low[axis].min(along[axis]);
+                    self.high[axis] = self.high[axis].max(along[axis]);
+                }
+                let [right, up] = slopes.map(|slope| slope * back);
+                for (beyond, found) in self.beyond.iter_mut().zip([right - x, right + x, up - y, up + y]) {
+                    *beyond = beyond.max(found);
                 }
             }
         }
     }
 
-    /// A camera from the direction of this framing that shows all of it at a zoom of 1.
+    /// A camera from the direction of this framing that shows all of it at a zoom of 1, as large as it can be.
     ///
     /// # Errors
-    /// If nothing was included, or a number of the lens or the size cannot be used.
-    pub fn camera(&self, lens: &Lens, size: [u32; 2]) -> Result<Camera, RenderError> {
-        let [width, height] = size;
-        if size.iter().any(|side| !SIDES.contains(side)) || u64::from(width) * u64::from(height) > MOST_PIXELS {
-            return Err(RenderError::Size { width, height });
-        }
+    /// If nothing was included, or a number of the lens cannot be used.
+    pub fn camera(&self, lens: &Lens) -> Result<Camera, RenderError> {
         if !ZOOMS.contains(&lens.zoom) {
             return Err(RenderError::Camera { what: "zoom", found: lens.zoom, expected: "a factor from 0.02 to 50" });
         }
         if (0..3).any(|axis| self.low[axis] > self.high[axis]) {
             return Err(RenderError::Empty);
         }
-        let middle = [0, 1, 2].map(|axis| 0.5 * (self.low[axis] + self.high[axis]));
         let half = [0, 1, 2].map(|axis| 0.5 * (self.high[axis] - self.low[axis]));
         // A single point still needs a scale: 1 mm.
         let unit = half.iter().fold(0.0_f64, |a, &b| a.max(b));
         let unit = if unit > 0.0 { unit } else { 1.0 };
-        let half = half.map(|h| (h / unit).max(1e-3));
-        let patient = |along: [f64; 3]| (0..3).map(|axis| self.axes[axis] * along[axis]).sum::<Vector3>();
-        let (target, ahead) = match lens.center {
-            None => (Point3::from(patient(middle)), half[2]),
-            Some(center) => {
-                if let Some(&found) = center.iter().find(|x| !x.is_finite()) {
-                    return Err(RenderError::Camera { what: "center", found, expected: "finite places in mm" });
-                }
-                let center = Point3::from(center);
-                let ahead = (self.high[2] - self.axes[2].dot(&center.coords)) / unit;
-                (center, ahead)
-            }
-        };
-        let room = [f64::from(width), f64::from(height)].map(|side| 0.5 * FILLED * side);
-        let fit = |scale: f64| (room[0] / half[0]).min(room[1] / half[1]) * scale;
-        let (distance, focal) = if lens.orthographic {
-            (None, fit(1.0))
+        let mut target = [0, 1, 2].map(|axis| 0.5 * (self.low[axis] + self.high[axis]));
+        let (mut focal, slopes) = self.lens();
+        let mut distance = None;
+        if lens.orthographic {
+            let [width, height] = self.size.map(|side| 0.5 * FILLED * f64::from(side));
+            focal = (width * unit / half[0].max(1e-3 * unit)).min(height * unit / half[1].max(1e-3 * unit));
         } else {
-            // From a point to the nearest face of what is framed, such that the angle of view is kept.
-            let wanted = 0.5 * f64::from(width.min(height)) / (0.5 * FIELD_OF_VIEW_DEGREES).to_radians().tan();
-            let gap = (wanted / fit(1.0)).max(0.5);
-            // The eye stays in front of everything, wherever the centre is.
-            let distance = half[2].max(ahead) + gap;
-            (Some(distance), fit(distance - half[2]))
-        };
-        Ok(Camera { axes: self.axes, target, unit, distance, focal: focal * lens.zoom, size })
+            // The nearest eye that has everything within its four borders.
+            let [left, right, lower, upper] = self.beyond;
+            (target[0], target[1]) = (0.5 * (right - left), 0.5 * (upper - lower));
+            let eye = (0.5 * (left + right) / slopes[0]).max(0.5 * (lower + upper) / slopes[1]);
+            distance = Some((eye - target[2]) / unit);
+        }
+        let patient = |along: [f64; 3]| (0..3).map(|axis| self.axes[axis] * along[axis]).sum::<Vector3>();
+        let mut place = Point3::from(patient(target));
+        if let Some(center) = lens.center {
+            if let Some(&found) = center.iter().find(|x| !x.is_finite()) {
+                return Err(RenderError::Camera { what: "center", found, expected: "finite places in mm" });
+            }
+            place = Point3::from(center);
+        }
+        // The eye stays in front of everything, wherever the centre is.
+        let ahead = (self.high[2] - self.axes[2].dot(&place.coords)) / unit;
+        let distance = distance.map(|distance| distance.max(ahead + LEAST_GAP));
+        Ok(Camera { axes: self.axes, target: place, unit, distance, focal: focal * lens.zoom, size: self.size })
     }
 }
 
@@ -258,9 +274,9 @@ impl Camera {
     /// A point of the picture back in the view [units], along right, up and back; the eye (or target) is the origin.
     pub(super) fn unproject(&self, x: f32, y: f32, nearness: f32) -> [f32; 3] {
         let [width, height] = self.size.map(|side| side as f32);
-        let scale = self.scale(f64::from(nearness)) as f32;
-        let back = if self.distance.is_some() { -1.0 / nearness } else { nearness };
-        [(x - 0.5 * width) / scale, (0.5 * height - y) / scale, back]
+        let (depth, back) = if self.distance.is_some() { (1.0 / nearness, -1.0 / nearness) } else { (1.0, nearness) };
+        let per_pixel = depth / self.focal as f32;
+        [(x - 0.5 * width) * per_pixel, (0.5 * height - y) * per_pixel, back]
     }
 
     /// Unit direction from a pixel towards the eye.
@@ -337,13 +353,13 @@ mod tests {
 
     #[test]
     fn projection_and_its_inverse_agree_and_a_plane_is_where_its_points_are() {
-        let mut framing = Framing::new(Direction::THREE_QUARTER).unwrap();
+        let mut framing = Framing::new(Direction::THREE_QUARTER, [800, 600]).unwrap();
         let mut organ =
             OrganMesh { name: String::new(), color: [0.5; 3], finish: Default::default(), mesh: Default::default() };
         organ.mesh.positions = vec![[-40.0, 100.0, 1000.0], [60.0, 150.0, 1080.0]];
         framing.include(&[organ]);
         for orthographic in [false, true] {
-            let camera = framing.camera(&Lens { orthographic, ..Lens::default() }, [800, 600]).unwrap();
+            let camera = framing.camera(&Lens { orthographic, ..Lens::default() }).unwrap();
             let (place, normal) = ([10.0_f32, 120.0, 1040.0], Vector3::new(0.2, 0.9, 0.4));
             let view = camera.view_place(place);
             let seen = camera.project(view).unwrap();

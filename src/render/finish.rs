@@ -14,7 +14,7 @@ const BOTTOM: [f32; 3] = [0.604, 0.638, 0.687];
 const SHOULDER: f32 = 0.75;
 /// How dark the outline of a section is, and its width for a picture 1000 px high [px].
 const OUTLINE: f32 = 0.85;
-const OUTLINE_WIDTH: f32 = 2.2;
+const OUTLINE_WIDTH: f32 = 2.8;
 /// Steps of the table from linear to sRGB: fine enough that every byte has its own.
 const TONES: usize = 4096;
 

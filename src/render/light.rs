@@ -12,27 +12,32 @@ struct Light {
     towards: [f32; 3],
     /// Linear RGB.
     color: [f32; 3],
+    /// Strength of its highlights. Those of several lights, or coloured ones, make tissue look like metal.
+    gloss: f32,
     /// How far its light reaches round a surface that turns away from it, 0 to 1: large lights are soft.
     wrap: f32,
 }
 
 /// Key from the upper left, fill from the right, rim from behind above.
 const LIGHTS: [Light; 3] = [
-    Light { towards: [-0.442_34, 0.589_79, 0.675_80], color: [1.30, 1.26, 1.20], wrap: 0.25 },
-    Light { towards: [0.842_15, 0.105_27, 0.528_87], color: [0.26, 0.29, 0.34], wrap: 0.5 },
-    Light { towards: [0.301_51, 0.603_02, -0.738_55], color: [0.34, 0.36, 0.40], wrap: 0.2 },
+    Light { towards: [-0.442_34, 0.589_79, 0.675_80], color: [1.62, 1.56, 1.48], gloss: 1.6, wrap: 0.15 },
+    Light { towards: [0.842_15, 0.105_27, 0.528_87], color: [0.24, 0.26, 0.29], gloss: 0.06, wrap: 0.4 },
+    Light { towards: [0.301_51, 0.603_02, -0.738_55], color: [0.36, 0.37, 0.40], gloss: 0.3, wrap: 0.2 },
 ];
 /// Light from all of the upper and the lower half.
-const SKY: [f32; 3] = [0.40, 0.42, 0.45];
-const GROUND: [f32; 3] = [0.20, 0.185, 0.18];
+const SKY: [f32; 3] = [0.34, 0.355, 0.38];
+const GROUND: [f32; 3] = [0.15, 0.14, 0.135];
 /// What is left of the colour on the inside of a surface.
 const INSIDE: f32 = 0.42;
-/// Sharp and broad highlight of wet tissue: strength; exponents are 64 and 12.
-const GLOSS: f32 = 0.20;
-const SHEEN: f32 = 0.055;
-/// Sections are a little paler than the organ, and lit evenly.
-const SECTION_PALER: f32 = 0.16;
-const SECTION_LIGHT: f32 = 0.92;
+/// Narrow and broad highlight of wet tissue: strength; exponents are 32 and 8.
+const GLOSS: f32 = 0.13;
+const SHEEN: f32 = 0.035;
+/// Sections are lit evenly, and a little paler than the organ: this much white in them.
+const SECTION_PALER: f32 = 0.05;
+const SECTION_LIGHT: f32 = 1.35;
+/// A corner whose normal turns from its triangle by more than this (cosine; 47 degrees) lies on a sharp edge, where another
+/// surface gave it that normal.
+const SHARP_EDGE: f32 = 0.682;
 /// Lines: linear RGB, how much of it, half their width for a picture 1000 px high [px].
 const LINE: [f32; 3] = [0.012, 0.014, 0.018];
 const LINE_STRENGTH: f32 = 0.72;
@@ -73,11 +78,14 @@ impl<'a> Shader<'a> {
             let [a, b, c] = vertices.map(|vertex| values[vertex]);
             [0, 1, 2].map(|axis| weights[0] * a[axis] + weights[1] * b[axis] + weights[2] * c[axis])
         };
-        let flat = || {
-            let [a, b, c] = vertices.map(|vertex| drawing.places[vertex]);
-            unit(cross(minus(b, a), minus(c, a))).unwrap_or([0.0, 0.0, 1.0])
-        };
-        let mut normal = unit(blend(&drawing.normals)).unwrap_or_else(flat);
+        let [a, b, c] = vertices.map(|vertex| drawing.places[vertex]);
+        let flat = unit(cross(minus(b, a), minus(c, a)));
+        let normals = vertices.map(|vertex| match (drawing.normals[vertex], flat) {
+            (normal, Some(flat)) if dot(normal, flat) < SHARP_EDGE => flat,
+            (normal, _) => normal,
+        });
+        let mixed = [0, 1, 2].map(|axis| (0..3).map(|i| weights[i] * normals[i][axis]).sum());
+        let mut normal = unit(mixed).or(flat).unwrap_or([0.0, 0.0, 1.0]);
         let part = drawing.parts[drawing.part_of(number)];
         let mut albedo = blend(&drawing.colors).map(|c| c.clamp(0.0, 1.0));
         let inside = twice_area(corners.map(|corner| [corner.x, corner.y].map(i64::from))) > 0;
@@ -140,7 +148,7 @@ impl<'a> Shader<'a> {
 fn lit(normal: [f32; 3], eye: [f32; 3], albedo: [f32; 3], finish: Finish) -> [f32; 3] {
     let up = 0.5 + 0.5 * normal[1];
     let mut diffuse: [f32; 3] = std::array::from_fn(|c| GROUND[c] + up * (SKY[c] - GROUND[c]));
-    let mut gloss = [0.0_f32; 3];
+    let mut gloss = 0.0;
     for light in &LIGHTS {
         let facing = dot(normal, light.towards);
         let soft = ((facing + light.wrap) / (1.0 + light.wrap)).max(0.0);
@@ -148,17 +156,12 @@ fn lit(normal: [f32; 3], eye: [f32; 3], albedo: [f32; 3], finish: Finish) -> [f3
         if finish == Finish::Wet && facing > 0.0 {
             let half = unit([0, 1, 2].map(|axis| eye[axis] + light.towards[axis])).unwrap_or(normal);
             let aligned = dot(normal, half).max(0.0);
-            let squared = aligned * aligned;
-            let fourth = squared * squared;
-            let twelfth = fourth * fourth * fourth;
-            let sixteenth = twelfth * fourth;
-            let sharp = sixteenth * sixteenth;
-            let sharp = sharp * sharp;
-            let strength = (GLOSS * sharp + SHEEN * twelfth) * facing.min(1.0);
-            (0..3).for_each(|c| gloss[c] += strength * light.color[c]);
+            let broad = aligned.powi(8);
+            let strength = (GLOSS * broad.powi(4) + SHEEN * broad) * facing.min(1.0);
+            gloss += strength * light.gloss;
         }
     }
-    [0, 1, 2].map(|c| albedo[c] * diffuse[c] + gloss[c])
+    [0, 1, 2].map(|c| albedo[c] * diffuse[c] + gloss)
 }
 
 /// Shares of the corners at a place of the picture [px]; of the nearest place of the triangle when it lies outside.

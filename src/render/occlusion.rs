@@ -76,11 +76,11 @@ fn openness(pixels: &[Pixel], camera: &Camera, [x, y]: [usize; 2], directions: &
     let own = place(x, y, pixel.nearness);
     let mut sum = 0.0;
     for direction in directions {
-        let to = [x as f32 + reach * direction[0], y as f32 + reach * direction[1]].map(|at| at.round() as i64);
-        let (Ok(x), Ok(y)) = (usize::try_from(to[0]), usize::try_from(to[1])) else { continue };
-        if x >= width || y >= height {
+        let [x, y] = [x as f32 + 0.5 + reach * direction[0], y as f32 + 0.5 + reach * direction[1]];
+        if x < 0.0 || y < 0.0 || x >= width as f32 || y >= height as f32 {
             continue;
         }
+        let (x, y) = (x as usize, y as usize);
         let other = &pixels[y * width + x];
         if other.coverage == 0.0 {
             continue;

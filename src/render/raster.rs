@@ -198,7 +198,7 @@ impl Tile {
     }
 
     fn add<const CLIP: bool>(&mut self, number: u32, corners: &[Corner; 3]) {
-        let Some(triangle) = Triangle::new(corners) else { return };
+        let Some(triangle) = Triangle::new::<CLIP>(corners) else { return };
         let limits = [(self.origin[0] + self.size[0]) as usize, (self.origin[1] + self.size[1]) as usize];
         let Some([low, high]) = pixel_box(corners, limits) else { return };
         let first = [0, 1].map(|axis| low[axis].max(i64::from(self.origin[axis])));
@@ -211,12 +211,13 @@ impl Tile {
                 if inside != 0 {
                     let place = row + (x - i64::from(self.origin[0])) as usize;
                     let from = [middle(x), middle(y)].map(|at| at as f64);
-                    let (nearness, beyond) = (triangle.nearness.at(from), triangle.beyond.at(from));
+                    let nearness = triangle.nearness.at(from);
+                    let beyond = triangle.beyond.as_ref().map(|beyond| (beyond.at(from), &beyond.steps));
                     for sample in (0..SAMPLES).filter(|sample| inside >> sample & 1 == 1) {
-                        if CLIP {
+                        if let (true, Some((beyond, steps))) = (CLIP, beyond) {
                             let walls = &mut self.walls[place][sample];
                             walls[1] += triangle.turn;
-                            if beyond + triangle.beyond.steps[sample] > 0.0 {
+                            if beyond + steps[sample] > 0.0 {
                                 continue;
                             }
                             walls[0] += triangle.turn;
@@ -323,6 +324,7 @@ struct Edge {
 }
 
 impl Edge {
+    #[inline]
     fn new(from: [i64; 2], to: [i64; 2]) -> Self {
         let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
         let top_or_left = dy < 0 || (dy == 0 && dx > 0);
@@ -349,6 +351,7 @@ struct Slope {
 }
 
 impl Slope {
+    #[inline]
     fn new(places: [[i64; 2]; 3], values: [f32; 3], area: i64) -> Self {
         let [[ax, ay], [bx, by], [cx, cy]] = places.map(|place| place.map(|x| x as f64));
         let [a, b, c] = values.map(f64::from);
@@ -375,21 +378,22 @@ impl Slope {
 struct Triangle {
     edges: [Edge; 3],
     nearness: Slope,
-    beyond: Slope,
+    /// With a clip plane.
+    beyond: Option<Slope>,
     /// 1 for a back face (a ray leaves there), -1 for a front face.
     turn: i16,
 }
 
 impl Triangle {
     /// `None` when it covers no area.
-    fn new(corners: &[Corner; 3]) -> Option<Self> {
+    fn new<const CLIP: bool>(corners: &[Corner; 3]) -> Option<Self> {
         let mut corners = *corners;
         let place = |corner: &Corner| [i64::from(corner.x), i64::from(corner.y)];
         let area = twice_area(corners.each_ref().map(place));
         if area == 0 {
             return None;
         }
-        // Rows of the picture run downwards: what runs counter-clockwise there is seen from behind... or inside.
+        // Rows of the picture run downwards, so a front face, counter-clockwise to the eye, has a negative area.
         let front = area < 0;
         if front {
             corners.swap(1, 2);
@@ -398,12 +402,13 @@ impl Triangle {
         Some(Self {
             edges: [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)],
             nearness: Slope::new([a, b, c], corners.map(|corner| corner.nearness), area.abs()),
-            beyond: Slope::new([a, b, c], corners.map(|corner| corner.beyond), area.abs()),
+            beyond: CLIP.then(|| Slope::new([a, b, c], corners.map(|corner| corner.beyond), area.abs())),
             turn: if front { -1 } else { 1 },
         })
     }
 
     /// One bit per sample inside all edges, from their values in the middle of a pixel.
+    #[inline]
     fn samples(&self, middle: [i64; 3]) -> u32 {
         let reach = |edge: usize, end: usize| middle[edge] + self.edges[edge].range[end];
         if (0..3).any(|edge| reach(edge, 1) < 0) {

@@ -5,6 +5,7 @@ mod bad_output;
 mod help;
 mod moduli;
 mod nasty;
+mod render;
 mod runs;
 mod same_bits;
 mod scene_facts;
