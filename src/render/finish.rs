@@ -21,7 +21,7 @@ const TONES: usize = 4096;
 /// Draws a dark line along the inner side of every section's border.
 pub(super) fn outline(pixels: &mut [Pixel], size: [u32; 2]) {
     let [width, height] = size.map(|side| side as usize);
-    let radius = (OUTLINE_WIDTH * width.min(height) as f32 / 1000.0).max(1.5);
+    let radius = (OUTLINE_WIDTH * width.min(height) as f32 / 1000.0).max(2.0);
     let reach = radius.ceil() as usize;
     let line = |x: usize, y: usize| {
         let own = &pixels[y * width + x];
@@ -41,7 +41,7 @@ pub(super) fn outline(pixels: &mut [Pixel], size: [u32; 2]) {
         }
         let share = f32::from(own.section_samples) / SAMPLES as f32;
         // Half of the disc lies outside at the border itself, nothing from a radius away on.
-        share * (3.0 * outside / all).min(1.0)
+        share * (4.0 * outside / all).min(1.0)
     };
     let lines: Vec<f32> = (0..height)
         .into_par_iter()
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn colours_come_back_as_they_were_given() {
-        let colors = [[0.0, 0.214_041, 0.5], [1.0, 0.003, 0.7]];
+        let colors = [[0.0, 0.215_860_5, 0.5], [1.0, 0.003, 0.7]];
         for color in colors {
             let picture = develop(&[Pixel::default()], [1, 1], Background::Plain(color));
             assert_eq!(picture.get_pixel(0, 0).0[..3], srgb(color), "{color:?}");

@@ -150,13 +150,13 @@ fn a_centre_is_in_the_middle_of_the_picture() {
 fn the_same_bits_at_any_number_of_threads() {
     let organs = [organ(RED, ball([0.0; 3], 30.0, 120)), organ(GREEN, ball([20.0, 30.0, 10.0], 18.0, 60))];
     let camera = camera(&organs, Direction::THREE_QUARTER, &Lens::default(), [333, 217]);
-    let clip = Some(yawara::render::ClipPlane { point: [0.0; 3], normal: [1.0, 1.0, 0.5] });
+    let clip = Some(yawara::render::ClipPlane { point: [0.0; 3], normal: [0.2, 0.1, 1.0] });
     let look = yawara::render::Look { clip, ..Default::default() };
     let draw = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| render(&organs, &camera, &look).unwrap())
     };
     let one = draw(1);
-    assert!(one.pixels().collect::<std::collections::HashSet<_>>().len() > 500, "a picture worth comparing");
+    assert!(one.pixels().collect::<std::collections::HashSet<_>>().len() > 200, "a picture worth comparing");
     assert!([2, 4].iter().all(|&threads| draw(threads) == one));
 }
