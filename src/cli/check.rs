@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::args::CheckArguments;
 use super::exit::Outcome;
-use super::mesh::mesher;
+use super::surface::mesher;
 use super::messages::{Messages, out};
 use super::progress;
 use super::source::Source;

@@ -6,7 +6,8 @@ use anyhow::{Context, bail};
 
 use super::args::{AxisChoice, DemoArguments, FrameChoice};
 use super::exit::Outcome;
-use super::mesh::{mesher, write};
+use super::mesh::write;
+use super::surface::mesher;
 use super::messages::{Messages, out};
 use super::{run, slice};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};

@@ -10,9 +10,10 @@ use super::messages::{Messages, out};
 use super::paint::frame;
 use super::progress;
 use super::source::Source;
+use super::surface::mesher;
 use crate::io::gltf::{Precision, StepAnimationWriter};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
-use crate::run::meshes::{MeshOptions, MeshRunError, Resolution, RunMesher};
+use crate::run::meshes::RunMesher;
 use crate::run::paint::Painter;
 use crate::store::RunReader;
 use crate::surface::mesh::OrganMesh;
@@ -22,8 +23,7 @@ pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Re
     if arguments.ascii {
         format = format.ascii()?;
     }
-    let options = MeshOptions { resolution: arguments.resolution.0, smoothing: arguments.smooth };
-    let mut mesher = mesher(&arguments.run, &arguments.organ, &options, messages)?;
+    let mut mesher = mesher(&arguments.run, &arguments.organ, &arguments.surface.options(), messages)?;
     let frames = frames(arguments.frame, mesher.reader())?;
     let output = MeshOutput::new(&arguments.output, format, frames.len())?;
     let painter = arguments.paint.painter(&mesher, messages)?;
@@ -44,23 +44,6 @@ pub(super) fn open(path: &Path, messages: &Messages) -> anyhow::Result<RunReader
         messages.warning(warning);
     }
     Ok(reader)
-}
-
-/// Opens a run for its surfaces. Those of its volume's resolution fall back on the lattice's when the volume is not to be had.
-pub(super) fn mesher(
-    run: &Path,
-    organs: &[String],
-    options: &MeshOptions,
-    messages: &Messages,
-) -> anyhow::Result<RunMesher> {
-    match RunMesher::new(open(run, messages)?, organs, options) {
-        Err(MeshRunError::Body(error)) if options.resolution == Resolution::Volume => {
-            messages.warning(format_args!("{error}; its surfaces are drawn at the resolution of the lattice instead"));
-            let options = MeshOptions { resolution: Resolution::Lattice, ..*options };
-            Ok(RunMesher::new(RunReader::open(run)?, organs, &options)?)
-        }
-        result => Ok(result?),
-    }
 }
 
 /// Numbers of the frames that are asked for.

@@ -6,6 +6,7 @@ mod help;
 mod moduli;
 mod nasty;
 mod paint;
+mod render;
 mod runs;
 mod same_bits;
 mod scene_facts;
