@@ -21,6 +21,7 @@ mod marching_cubes;
 pub mod mesh;
 mod normals;
 mod seam;
+pub mod smooth;
 pub mod weld;
 
 pub use extract::Surface;
