@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 
 use super::args::CheckArguments;
 use super::exit::Outcome;
-use super::surface::mesher;
 use super::messages::{Messages, out};
 use super::progress;
 use super::source::Source;
+use super::surface::mesher;
 use crate::io::gltf::GltfReader;
 use crate::io::mesh_format::MeshFormat;
 use crate::run::meshes::MeshOptions;

@@ -6,8 +6,8 @@ use crate::geometry::Grid;
 use crate::lattice::build::BuildLatticeError;
 use crate::scene::resolved::{Scene, VoxelSelection};
 use crate::store::{InputFile, RunReader};
-use crate::surface::fine::Body;
 use crate::surface::field;
+use crate::surface::fine::Body;
 use crate::surface::smooth::{Voxels, from_grey, from_mask};
 use crate::volume::{CtVolume, LabelVolume, ResampleError, VoxelBox, grid_with_spacing};
 
