@@ -1,8 +1,10 @@
 //! `yawara bench`: speed of the parts that matter.
 
+use std::fs;
+use std::path::Path;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use serde_json::json;
 
 use super::args::{BenchCommand, BenchLatticeArguments, BenchSurfaceArguments};
@@ -13,6 +15,7 @@ use crate::geometry::{Affine, Grid, GridShape, Vector3};
 use crate::kernel::dispatch::instruction_set;
 use crate::lattice::build::build;
 use crate::material::paper::{PaperBody, assemble};
+use crate::surface::field_normals::GradientOf;
 use crate::surface::marching_cubes;
 use crate::volume::Volume;
 
@@ -86,24 +89,18 @@ fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
 }
 
 fn surface(arguments: &BenchSurfaceArguments) -> anyhow::Result<()> {
-    let BenchSurfaceArguments { n, json } = *arguments;
+    let BenchSurfaceArguments { n, json, ref raw } = *arguments;
     if !(2..=1024).contains(&n) {
         bail!("--n is {n}; expected grid points along an edge from 2 to 1024");
     }
-    let axis: Vec<f32> = (0..n).map(|i| (2.0 * i as f64 / (n - 1) as f64 - 1.0) as f32).collect();
     let shape = GridShape::new(n, n, n);
-    let values: Vec<f32> = (0..shape.len())
-        .map(|linear| {
-            let [x, y, z] = shape.ijk(linear).map(|i| axis[i]);
-            0.7 - (x * x + y * y + z * z).sqrt() + 0.08 * (20.0 * x).sin() * (20.0 * y).sin() * (20.0 * z).sin()
-        })
-        .collect();
+    let values = raw.as_ref().map_or_else(|| Ok(bumpy_ball(shape)), |path| read_raw(path, shape))?;
     let affine = Affine::from_spacing([1.0; 3], [0.0; 3])?;
     let mut best = f64::INFINITY;
     let mut counts = (0, 0);
     for _ in 0..SURFACE_RUNS {
         let began = Instant::now();
-        let mesh = marching_cubes(shape, &affine, &values)?;
+        let mesh = marching_cubes(shape, &affine, &values, GradientOf::Field)?;
         best = best.min(began.elapsed().as_secs_f64());
         counts = (mesh.positions.len(), mesh.triangles.len());
     }
@@ -126,4 +123,29 @@ fn surface(arguments: &BenchSurfaceArguments) -> anyhow::Result<()> {
         counts.1,
         rayon::current_num_threads()
     ))
+}
+
+/// Above zero inside a ball of radius 0.7 with bumps, over [-1, 1]^3.
+fn bumpy_ball(shape: GridShape) -> Vec<f32> {
+    let axis: Vec<f32> = (0..shape.nx).map(|i| (2.0 * i as f64 / (shape.nx - 1) as f64 - 1.0) as f32).collect();
+    let value = |linear| {
+        let [x, y, z] = shape.ijk(linear).map(|i| axis[i]);
+        0.7 - (x * x + y * y + z * z).sqrt() + 0.08 * (20.0 * x).sin() * (20.0 * y).sin() * (20.0 * z).sin()
+    };
+    (0..shape.len()).map(value).collect()
+}
+
+/// One little-endian f32 per grid point, x fastest, and nothing else.
+fn read_raw(path: &Path, shape: GridShape) -> anyhow::Result<Vec<f32>> {
+    let expected = 4 * shape.len() as u64;
+    let found = fs::metadata(path).with_context(|| format!("{}: could not read values", path.display()))?.len();
+    if found != expected {
+        bail!(
+            "{}: {found} bytes, but --n {} needs {expected} ({shape} values of 4 bytes); give the --n of the file",
+            path.display(),
+            shape.nx
+        );
+    }
+    let bytes = fs::read(path).with_context(|| format!("{}: could not read values", path.display()))?;
+    Ok(bytes.as_chunks::<4>().0.iter().map(|&value| f32::from_le_bytes(value)).collect())
 }

@@ -13,6 +13,7 @@ pub mod check;
 mod embed;
 mod extract;
 pub mod field;
+pub mod field_normals;
 pub(crate) mod gradient;
 mod junction;
 mod marching_cubes;
