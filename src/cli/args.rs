@@ -345,6 +345,9 @@ pub(super) struct BenchSurfaceArguments {
     /// Grid points along each edge, 2 to 1024.
     #[arg(long, default_value_t = 256)]
     pub(super) n: usize,
+    /// Values of another field: raw little-endian f32, n^3 of them, x fastest; the surface is where they pass through 0.
+    #[arg(long, value_name = "FILE")]
+    pub(super) raw: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

@@ -14,6 +14,7 @@ pub mod check;
 mod embed;
 mod extract;
 pub mod field;
+pub mod field_normals;
 pub mod fine;
 pub(crate) mod gradient;
 mod junction;

@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use self::carry::{Carriage, Carried};
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
+use super::field_normals::{GradientOf, field_normals};
 use super::normals::Sheet;
 use super::{Surface, SurfaceError};
 use crate::cut::CutSheet;
@@ -123,8 +124,8 @@ impl FineSurface {
         let surface = Surface::extract_places(fine, &cut, &body.values)?;
         let rest: Vec<[f64; 3]> = surface.rest_places().collect();
         let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
-        let normals = surface.normals(&at_rest);
         let sheets: Vec<Sheet> = surface.sheets().collect();
+        let normals = rest_normals(body, &sheets, &rest, surface.normals(&at_rest))?;
         let anchors = surface.anchors();
         let places: Vec<Vector3> =
             rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
@@ -176,6 +177,24 @@ impl FineSurface {
         let triangles = self.triangles.clone();
         TriangleMesh { positions, triangles, normals, displacements: moved, ..TriangleMesh::default() }
     }
+}
+
+/// Normals at rest: of the smoothed field on the skin, of the triangles on the faces of cuts and where the field is flat.
+fn rest_normals(
+    body: &Body,
+    sheets: &[Sheet],
+    rest: &[[f64; 3]],
+    of_triangles: Vec<[f32; 3]>,
+) -> Result<Vec<[f32; 3]>, SurfaceError> {
+    let Grid { shape, affine } = &body.points.grid;
+    let indices: Vec<[f64; 3]> = rest.par_iter().map(|&place| affine.index_of(Point3::from(place)).into()).collect();
+    let of_field = field_normals(*shape, affine, &body.values, GradientOf::Smoothed, &indices)?;
+    let choose = |((sheet, field), triangles): ((&Sheet, [f32; 3]), [f32; 3])| {
+        let along: f32 = (0..3).map(|axis| field[axis] * triangles[axis]).sum();
+        // Thin parts may be thinner than what the gradient is taken over, and look the wrong way.
+        if *sheet != Sheet::Seam && along > 0.5 { field } else { triangles }
+    };
+    Ok(sheets.par_iter().zip(of_field).zip(of_triangles).map(choose).collect())
 }
 
 /// From the indices of the fine grid to those of the lattice and back.
