@@ -321,6 +321,8 @@ pub(super) enum BenchCommand {
     Lattice(BenchLatticeArguments),
     /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
     Surface(BenchSurfaceArguments),
+    /// The same ball carried by a lattice of three times its spacing: places and normals of one frame after another.
+    Carry(BenchCarryArguments),
     /// A picture of a bumpy ball, all but reading and writing files.
     Render(BenchRenderArguments),
 }
@@ -348,6 +350,17 @@ pub(super) struct BenchSurfaceArguments {
     /// Values of another field: raw little-endian f32, n^3 of them, x fastest; the surface is where they pass through 0.
     #[arg(long, value_name = "FILE")]
     pub(super) raw: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench carry --n 256")]
+pub(super) struct BenchCarryArguments {
+    /// Grid points of the surface along each edge, 8 to 1024.
+    #[arg(long, default_value_t = 256)]
+    pub(super) n: usize,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

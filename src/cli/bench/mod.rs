@@ -1,5 +1,6 @@
 //! `yawara bench`: speed of the parts that matter.
 
+mod carry;
 mod lattice;
 mod render;
 mod surface;
@@ -11,6 +12,7 @@ pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
     match command {
         BenchCommand::Lattice(arguments) => lattice::lattice(arguments),
         BenchCommand::Surface(arguments) => surface::surface(arguments),
+        BenchCommand::Carry(arguments) => carry::carry(arguments),
         BenchCommand::Render(arguments) => render::render(arguments),
     }?;
     Ok(Outcome::Done)

@@ -54,7 +54,7 @@ pub(super) fn surface(arguments: &BenchSurfaceArguments) -> anyhow::Result<()> {
 }
 
 /// Above zero inside a ball of radius 0.7 with bumps, over [-1, 1]^3.
-fn bumpy_ball(shape: GridShape) -> Vec<f32> {
+pub(super) fn bumpy_ball(shape: GridShape) -> Vec<f32> {
     let axis: Vec<f32> = (0..shape.nx).map(|i| (2.0 * i as f64 / (shape.nx - 1) as f64 - 1.0) as f32).collect();
     let value = |linear| {
         let [x, y, z] = shape.ijk(linear).map(|i| axis[i]);

@@ -40,11 +40,11 @@ pub(super) struct Carriage {
     to_index: Matrix3,
 }
 
-/// Where the vertices of a surface are in a frame.
-pub(super) struct Carried {
-    pub(super) positions: Vec<[f32; 3]>,
-    pub(super) displacements: Vec<[f32; 3]>,
-    pub(super) normals: Vec<[f32; 3]>,
+/// Where the vertices of a surface are in a frame; one of each per vertex.
+pub(super) struct Carried<'a> {
+    pub(super) positions: &'a mut [[f32; 3]],
+    pub(super) moved: &'a mut [[f32; 3]],
+    pub(super) normals: &'a mut [[f32; 3]],
 }
 
 impl Carriage {
@@ -125,20 +125,15 @@ impl Carriage {
         displacements: &[[f32; 3]],
         rest: &[[f64; 3]],
         normals: &[[f32; 3]],
-    ) -> Carried {
+        carried: Carried<'_>,
+    ) {
         assert_eq!(displacements.len(), self.particles, "one displacement per particle");
         let corners = self.corner_displacements(lattice, displacements);
-        let count = self.seats.len();
-        let mut carried = Carried {
-            positions: vec![[0.0; 3]; count],
-            displacements: vec![[0.0; 3]; count],
-            normals: vec![[0.0; 3]; count],
-        };
         let to_index: [[f32; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| self.to_index[(r, c)] as f32));
         carried
             .positions
             .par_chunks_mut(VERTICES_PER_TASK)
-            .zip(carried.displacements.par_chunks_mut(VERTICES_PER_TASK))
+            .zip(carried.moved.par_chunks_mut(VERTICES_PER_TASK))
             .zip(carried.normals.par_chunks_mut(VERTICES_PER_TASK))
             .enumerate()
             .for_each(|(task, ((positions, moved), turned))| {
@@ -153,7 +148,6 @@ impl Carriage {
                     turned[at] = turn(normals[first + at], &slopes, &to_index);
                 }
             });
-        carried
     }
 }
 

@@ -164,8 +164,22 @@ impl FineSurface {
     /// # Panics
     /// If there is not one displacement per particle of the lattice the surface was bound to.
     pub fn carry(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> TriangleMesh {
-        let Carried { mut positions, displacements: mut moved, normals } =
-            self.carriage.carry(lattice, displacements, &self.rest, &self.normals);
+        let mut mesh = TriangleMesh { triangles: self.triangles.clone(), ..TriangleMesh::default() };
+        self.carry_into(lattice, displacements, &mut mesh);
+        mesh
+    }
+
+    /// The same into a mesh whose lists are used again; its triangles stay as they are.
+    ///
+    /// # Panics
+    /// As [`FineSurface::carry`].
+    pub fn carry_into(&self, lattice: &Lattice, displacements: &[[f32; 3]], mesh: &mut TriangleMesh) {
+        let TriangleMesh { positions, displacements: moved, normals, .. } = mesh;
+        for list in [&mut *positions, &mut *moved, &mut *normals] {
+            list.resize(self.rest.len(), [0.0; 3]);
+        }
+        let carried = Carried { positions, moved, normals };
+        self.carriage.carry(lattice, displacements, &self.rest, &self.normals, carried);
         for (centre, ring) in &self.centres {
             let at = *centre as usize;
             let mean = [0, 1, 2].map(|axis| {
@@ -174,8 +188,6 @@ impl FineSurface {
             moved[at] = mean.map(|c| c as f32);
             positions[at] = [0, 1, 2].map(|axis| (self.rest[at][axis] + mean[axis]) as f32);
         }
-        let triangles = self.triangles.clone();
-        TriangleMesh { positions, triangles, normals, displacements: moved, ..TriangleMesh::default() }
     }
 }
 
