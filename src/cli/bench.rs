@@ -6,6 +6,7 @@ use anyhow::bail;
 use serde_json::json;
 
 use super::args::{BenchCommand, BenchLatticeArguments, BenchSurfaceArguments};
+use super::bench_write;
 use super::exit::Outcome;
 use super::messages::out;
 use crate::dynamics::World;
@@ -23,6 +24,7 @@ pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
     match command {
         BenchCommand::Lattice(arguments) => lattice(arguments),
         BenchCommand::Surface(arguments) => surface(arguments),
+        BenchCommand::Write(arguments) => bench_write::write(arguments),
     }?;
     Ok(Outcome::Done)
 }

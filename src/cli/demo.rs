@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use super::args::{AxisChoice, DemoArguments, FrameChoice};
 use super::exit::Outcome;
-use super::mesh::{open, write};
+use super::mesh::{Style, open, write};
 use super::messages::{Messages, out};
 use super::{run, slice};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
@@ -44,7 +44,8 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
         let mut mesher = RunMesher::new(open(&run, messages)?, organs, DEFAULT_SMOOTHING)?;
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
-        write(&mut mesher, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;
+        let output = MeshOutput::new(&path, format.animates(), frames.len())?;
+        write(&mut mesher, &frames, &output, Style::plain(format), messages)?;
         Ok(())
     };
     mesh(ANIMATION, &[], true)?;

@@ -5,6 +5,7 @@
 
 mod args;
 mod bench;
+mod bench_write;
 mod check;
 mod demo;
 mod exit;
