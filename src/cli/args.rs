@@ -125,7 +125,7 @@ pub(super) struct MeshArguments {
 pub(super) enum AnimationChoice {
     /// A mesh for each frame, shown in its turn: right in every viewer, with all attributes.
     Step,
-    /// Morph targets of one mesh between cuts: smooth, and smaller for many frames.
+    /// Morph targets of one mesh between cuts: smooth, and smaller for many frames; right in three.js and Blender, not in f3d.
     Morph,
 }
 

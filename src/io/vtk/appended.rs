@@ -76,9 +76,8 @@ impl<'a> AppendedFile<'a> {
         ));
     }
 
-    /// Adds an array of `count` tuples. `encode` appends the `size` bytes of each of a range of records, of which there are
-    /// `records`.
-    #[allow(clippy::too_many_arguments)]
+    /// Adds an array that takes `bytes` bytes in all; `encode` appends those of a range of its `records`.
+    #[expect(clippy::too_many_arguments, reason = "one call per kind of number, all in this file")]
     fn array(
         &mut self,
         section: Section,

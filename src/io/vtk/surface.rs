@@ -61,7 +61,7 @@ pub fn write_vtp(path: &Path, organs: &[OrganMesh], time: Option<f64>) -> Result
             mesh.displacements[vertex]
         });
     }
-    let scalars: [(&str, fn(&TriangleMesh) -> &Vec<f32>); 3] =
+    let scalars: [(&str, Values); 3] =
         [("hu", |mesh| &mesh.hu), ("strain", |mesh| &mesh.strains), ("speed_mm_per_s", |mesh| &mesh.speeds)];
     for (name, values) in scalars {
         if organs.iter().all(|organ| values(&organ.mesh).len() == organ.mesh.positions.len()) {
@@ -97,6 +97,9 @@ pub fn write_vtp(path: &Path, organs: &[OrganMesh], time: Option<f64>) -> Result
     file.integers("offsets", triangles as u64, triangles, |triangle, add| add(3 * (triangle as u32 + 1)));
     file.write(path).map_err(WriteMeshError::io(path))
 }
+
+/// An attribute of one number per vertex.
+type Values = fn(&TriangleMesh) -> &Vec<f32>;
 
 /// Which organ a point or a triangle of the file is of.
 struct Index<'a> {
