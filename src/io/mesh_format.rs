@@ -43,7 +43,7 @@ pub const EXTENSIONS: &str = ".stl, .ply, .glb, .gltf, .obj or .vtp";
 #[non_exhaustive]
 pub enum MeshPathError {
     /// The extension names no format.
-    #[error("{}: the extension is {found}; meshes are written as {EXTENSIONS}", path.display())]
+    #[error("{}: the extension is {found}; meshes are written as {EXTENSIONS}, the lattice of a run as .vtu", path.display())]
     UnknownExtension {
         /// The path.
         path: PathBuf,
