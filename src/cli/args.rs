@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::run::meshes::DEFAULT_SMOOTHING;
+use super::paint::PaintArguments;
+use super::surface::SurfaceArguments;
 use crate::slice::SliceAxis;
 
 /// Turns a CT volume into a soft organ that can be pushed, pulled and cut, and gives back surfaces.
@@ -35,6 +36,7 @@ pub(super) enum Command {
     Run(RunArguments),
     Mesh(MeshArguments),
     Slice(SliceArguments),
+    Render(super::render_arguments::RenderArguments),
     Volume(VolumeArguments),
     Phantom(PhantomArguments),
     Info(InfoArguments),
@@ -105,10 +107,8 @@ pub(super) struct MeshArguments {
     /// Organ to write, by its name in the scene; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     pub(super) organ: Vec<String>,
-    /// Passes of smoothing over the label map before the surface is drawn, 0 to 20; 0 keeps its staircases.
-    #[arg(long, default_value_t = DEFAULT_SMOOTHING, value_name = "N",
-          value_parser = RangedU64ValueParser::<usize>::new().range(0..=20))]
-    pub(super) smooth: usize,
+    #[command(flatten)]
+    pub(super) surface: SurfaceArguments,
     /// Write STL as text.
     #[arg(long)]
     pub(super) ascii: bool,
@@ -118,6 +118,8 @@ pub(super) struct MeshArguments {
     /// How an animated GLB or glTF holds its frames.
     #[arg(long, value_enum, default_value_t = AnimationChoice::Step)]
     pub(super) animation: AnimationChoice,
+    #[command(flatten)]
+    pub(super) paint: PaintArguments,
 }
 
 /// How an animation holds its frames.
@@ -340,6 +342,8 @@ pub(super) enum BenchCommand {
     Surface(BenchSurfaceArguments),
     /// Writing mesh files: a ball with every attribute, each format against the same bytes written raw.
     Write(BenchWriteArguments),
+    /// A picture of a bumpy ball, all but reading and writing files.
+    Render(BenchRenderArguments),
 }
 
 #[derive(Debug, Args)]
@@ -362,6 +366,26 @@ pub(super) struct BenchSurfaceArguments {
     /// Grid points along each edge, 2 to 1024.
     #[arg(long, default_value_t = 256)]
     pub(super) n: usize,
+    /// Values of another field: raw little-endian f32, n^3 of them, x fastest; the surface is where they pass through 0.
+    #[arg(long, value_name = "FILE")]
+    pub(super) raw: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench render --triangles 1000000 --size 1920x1080")]
+pub(super) struct BenchRenderArguments {
+    /// Triangles of the ball, about; 1000 to 20000000.
+    #[arg(long, default_value_t = 1_000_000)]
+    pub(super) triangles: usize,
+    /// Width and height of the picture [px], sides from 16 to 8192.
+    #[arg(long, default_value = "1920x1080", value_name = "WxH", value_parser = super::render_arguments::size)]
+    pub(super) size: [u32; 2],
+    /// Write the picture, too (PNG).
+    #[arg(long, short, value_name = "FILE")]
+    pub(super) output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

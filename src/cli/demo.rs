@@ -6,12 +6,13 @@ use anyhow::{Context, bail};
 
 use super::args::{AxisChoice, DemoArguments, FrameChoice};
 use super::exit::Outcome;
-use super::mesh::{Style, open, write};
+use super::mesh::{Style, write};
 use super::messages::{Messages, out};
+use super::surface::mesher;
 use super::{run, slice};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
 use crate::run::label_lookup::Files;
-use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher};
+use crate::run::meshes::MeshOptions;
 use crate::scene::QUICKSTART;
 use crate::store::RunWriter;
 
@@ -41,11 +42,11 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
     let mesh = |name: &str, organs: &[String], all: bool| -> anyhow::Result<()> {
         let path = folder.join(name);
         let format = MeshFormat::from_path(&path)?;
-        let mut mesher = RunMesher::new(open(&run, messages)?, organs, DEFAULT_SMOOTHING)?;
+        let mut mesher = mesher(&run, organs, &MeshOptions::default(), messages)?;
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
         let output = MeshOutput::new(&path, format.animates(), frames.len())?;
-        write(&mut mesher, &frames, &output, Style::plain(format), messages)?;
+        write(&mut mesher, None, &frames, &output, Style::plain(format), messages)?;
         Ok(())
     };
     mesh(ANIMATION, &[], true)?;

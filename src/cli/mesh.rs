@@ -7,12 +7,15 @@ use anyhow::{Context, bail};
 use super::args::{AnimationChoice, FrameChoice, MeshArguments};
 use super::exit::Outcome;
 use super::messages::{Messages, out};
+use super::paint::frame;
 use super::progress;
 use super::source::Source;
+use super::surface::mesher;
 use crate::io::gltf::{MorphAnimationWriter, Precision, StepAnimationWriter, quantization_error_mm, write_gltf};
 use crate::io::mesh_format::{FramePattern, MeshFormat, MeshOutput};
 use crate::io::vtk::{self, LatticeState};
 use crate::run::meshes::{RunMesher, scene_of};
+use crate::run::paint::Painter;
 use crate::store::RunReader;
 use crate::surface::mesh::OrganMesh;
 
@@ -27,8 +30,8 @@ pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Re
 
 fn write_surfaces(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Vec<PathBuf>> {
     let style = Style::of(arguments)?;
-    let reader = open(&arguments.run, messages)?;
-    let frames = frames(arguments.frame, &reader)?;
+    let mut mesher = mesher(&arguments.run, &arguments.organ, &arguments.surface.options(), messages)?;
+    let frames = frames(arguments.frame, mesher.reader())?;
     let output = MeshOutput::new(&arguments.output, style.format.animates(), frames.len())?;
     if style.animation == AnimationChoice::Morph && !matches!(output, MeshOutput::Animation(_)) {
         bail!(
@@ -36,8 +39,8 @@ fn write_surfaces(arguments: &MeshArguments, messages: &Messages) -> anyhow::Res
             arguments.output.display()
         );
     }
-    let mut mesher = RunMesher::new(reader, &arguments.organ, arguments.smooth)?;
-    write(&mut mesher, &frames, &output, style, messages)
+    let painter = arguments.paint.painter(&mesher, messages)?;
+    write(&mut mesher, painter.as_ref(), &frames, &output, style, messages)
 }
 
 /// Writes the lattice in place of surfaces.
@@ -168,6 +171,7 @@ pub(super) fn frames(choice: FrameChoice, reader: &RunReader) -> anyhow::Result<
 /// Writes frames, one at a time, and returns the paths written.
 pub(super) fn write(
     mesher: &mut RunMesher,
+    painter: Option<&Painter>,
     frames: &[usize],
     output: &MeshOutput,
     style: Style,
@@ -178,7 +182,7 @@ pub(super) fn write(
     // How far quantised vertices lie from their place [mm].
     let mut error = 0.0_f64;
     let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>)> {
-        let (time, meshes) = mesher.frame(number)?;
+        let (time, meshes) = frame(mesher, painter, number)?;
         if style.precision == Precision::Quantized {
             error = error.max(quantization_error_mm(&meshes));
         }

@@ -8,6 +8,7 @@
 pub(crate) mod canvas;
 mod csv;
 mod draw;
+pub(crate) mod legend;
 mod ticks;
 
 use std::path::{Path, PathBuf};

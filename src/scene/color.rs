@@ -30,7 +30,7 @@ const BY_NAME: [(&str, &str); 22] = [
 ];
 
 /// Reads `#rrggbb` (sRGB) as linear RGB in 0..=1.
-pub(super) fn parse(text: &str) -> Option<[f32; 3]> {
+pub(crate) fn parse(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#')?;
     if digits.len() != 6 || !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return None;

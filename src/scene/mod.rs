@@ -15,6 +15,7 @@ mod checks;
 pub(crate) mod color;
 mod diagnostics;
 mod json_schema;
+mod look;
 mod operations;
 mod organs;
 mod problem;

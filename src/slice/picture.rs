@@ -10,7 +10,8 @@ use super::deformed::{Carried, CarriedRaster};
 use super::sample::{nearest, trilinear};
 use super::{Raster, SliceError};
 use crate::geometry::Point3;
-use crate::plot::canvas::{Align, Canvas, Color, mix, srgb};
+use crate::plot::canvas::{Canvas, Color, mix, srgb};
+use crate::plot::legend::Legend;
 use crate::surface::mesh::TriangleMesh;
 use crate::volume::{CtVolume, LabelVolume};
 
@@ -155,43 +156,11 @@ fn tinted(color: Color, grey: u8) -> Color {
     mix(color, mix(SHADE, color, f64::from(grey) / 160.0), 0.6)
 }
 
-/// Draws the letters of the sides and a bar of a round number of millimetres.
+/// Draws the letters of the sides, where the plane is, and a scale bar.
 fn annotate(canvas: &mut Canvas, raster: &Raster) {
-    let [width, height] = canvas.size();
-    // Letters that would cover a small picture are left out.
-    let text = (width.min(height) / 24.0).clamp(12.0, 40.0);
-    if width < 8.0 * text || height < 8.0 * text {
-        return;
-    }
-    let mut write = |letters: &str, place: [f64; 2], align: Align| {
-        for shift in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]] {
-            canvas.text(letters, [place[0] + shift[0], place[1] + shift[1]], text, align, SHADE);
-        }
-        canvas.text(letters, place, text, align, INK);
-    };
-    let margin = 0.4 * text;
-    let [left, right, top, bottom] = raster.plane.axis.letters();
-    write(left, [margin, height / 2.0], Align::Left);
-    write(right, [width - margin, height / 2.0], Align::Right);
-    write(top, [width / 2.0, margin + 0.5 * text], Align::Center);
-    write(bottom, [width / 2.0, height - margin - 0.5 * text], Align::Center);
-    let plane = format!("{} = {:.1} mm", raster.plane.axis, raster.plane.at_mm);
-    write(&plane, [margin, margin + 0.5 * text], Align::Left);
-
-    let bar_mm = bar_length(0.3 * width * raster.plane.pixel_mm);
-    let bar = bar_mm / raster.plane.pixel_mm;
-    let (start, middle) =
-        ([width - 2.0 * margin - bar, height - 2.0 * margin], [width - 2.0 * margin - bar / 2.0, 0.0]);
-    write(&format!("{bar_mm} mm"), [middle[0], start[1] - 0.8 * text], Align::Center);
-    let thick = (text / 7.0).max(2.0);
-    canvas.fill([start[0] - 1.0, start[1] - thick - 1.0], [start[0] + bar + 1.0, start[1] + 1.0], SHADE, 1.0);
-    canvas.fill([start[0], start[1] - thick], [start[0] + bar, start[1]], INK, 1.0);
-}
-
-/// The largest of 1, 2 and 5 times a power of ten that is not above `most` [mm].
-fn bar_length(most: f64) -> f64 {
-    let power = 10f64.powi(most.log10().floor() as i32);
-    power * [5.0, 2.0].into_iter().find(|m| m * power <= most).unwrap_or(1.0)
+    let caption = format!("{} = {:.1} mm", raster.plane.axis, raster.plane.at_mm);
+    let (letters, pixel_mm) = (raster.plane.axis.letters(), raster.plane.pixel_mm);
+    Legend { letters, caption: &caption, pixel_mm, ink: INK, shade: SHADE }.draw(canvas);
 }
 
 #[cfg(test)]
@@ -208,11 +177,6 @@ mod tests {
             [0, 0, 64, 128, 191, 255, 255]
         );
         assert_eq!(window.grey(f32::NAN), 0);
-    }
-
-    #[test]
-    fn bars_are_round() {
-        assert_eq!([99.0, 100.0, 19.9, 7.0, 0.3].map(bar_length), [50.0, 100.0, 10.0, 5.0, 0.2]);
     }
 
     #[test]

@@ -8,9 +8,9 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::json;
 
-use super::args::BenchWriteArguments;
-use super::facts::write_columns;
-use super::messages::out;
+use super::super::args::BenchWriteArguments;
+use super::super::facts::write_columns;
+use super::super::messages::out;
 use crate::io::atomic;
 use crate::io::gltf::{Precision, write_gltf};
 use crate::io::mesh_error::WriteMeshError;

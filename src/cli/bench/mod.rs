@@ -1,0 +1,19 @@
+//! `yawara bench`: speed of the parts that matter.
+
+mod lattice;
+mod render;
+mod surface;
+mod write;
+
+use super::args::BenchCommand;
+use super::exit::Outcome;
+
+pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
+    match command {
+        BenchCommand::Lattice(arguments) => lattice::lattice(arguments),
+        BenchCommand::Surface(arguments) => surface::surface(arguments),
+        BenchCommand::Render(arguments) => render::render(arguments),
+        BenchCommand::Write(arguments) => write::write(arguments),
+    }?;
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,245 @@
+//! A surface finer than the lattice that carries it.
+//!
+//! ```text
+//! body        the organ on a grid of its own, as fine as the CT: which points are inside, how far from the border
+//! knife       the cut sheet, at rest: it parts points of the body that the blade passed between
+//! surface     marching cubes of the body, opened where the knife went (the same rules, on the fine grid)
+//! hosts       for every vertex: the cell of the lattice that carries it, and the corners on its side of the cut
+//! carriage    once per frame: one trilinear interpolation per vertex; normals turn with the deformation
+//! ```
+//! Whatever the lattice does, the mesh is closed, manifold and oriented: it is that of [`super::Surface`] on the fine grid. The
+//! springs of the lattice have the last word: points whose cells no spring joins any more are parted even where the sheet has a gap.
+//! Pieces of the body without a particle of their own follow the nearest cell.
+//!
+//! Not guaranteed: that the two sides of a cut fit together to better than the curvature of the displacement over a cell.
+
+mod carry;
+mod hosts;
+mod knife;
+
+use rayon::prelude::*;
+
+use self::carry::{Carriage, Carried};
+use self::hosts::{Host, Hosts};
+use self::knife::Knife;
+use super::field_normals::{GradientOf, field_normals};
+use super::normals::Sheet;
+use super::{Surface, SurfaceError};
+use crate::cut::CutSheet;
+use crate::geometry::{Grid, Matrix3, Point3, Vector3};
+use crate::lattice::build::{BuildLatticeError, NO_ORGAN, build};
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS};
+use crate::lattice::{Lattice, SeveredSpring, Topology};
+use crate::surface::mesh::TriangleMesh;
+use crate::volume::Volume;
+
+/// An organ on a grid of its own, at rest.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// A point of the grid is a particle when it is inside.
+    points: Lattice,
+    /// Values at the points of that lattice's grid, above zero inside.
+    values: Vec<f32>,
+}
+
+impl Body {
+    /// The body of a field: points above zero are inside. Values say where between two points the border lies.
+    ///
+    /// - `grid`: cubic cells in patient space \[mm\]; `values`: one per grid point, x fastest.
+    ///
+    /// # Errors
+    /// If no value is above zero, the cells are not cubes, or there are more than 2^31 points.
+    ///
+    /// # Panics
+    /// If there is not one value per grid point.
+    pub fn new(grid: Grid, values: Vec<f32>) -> Result<Self, BuildLatticeError> {
+        let inside = values.par_iter().map(|&value| if value > 0.0 { 0 } else { NO_ORGAN }).collect();
+        let points = build(&Volume::from_vec(grid, inside))?;
+        let shape = points.grid.shape;
+        let first = grid.affine.index_of(points.grid.affine.origin());
+        let first = [0, 1, 2].map(|axis| first[axis].round() as i64);
+        let value_at = |point: usize| {
+            let ijk = shape.ijk(point);
+            let at = [0, 1, 2].map(|axis| first[axis] + ijk[axis] as i64);
+            let within = (0..3).all(|axis| at[axis] >= 0 && at[axis] < grid.shape.dims()[axis] as i64);
+            if within { values[grid.shape.linear(at.map(|i| i as usize))] } else { -1.0 }
+        };
+        let values = (0..shape.len()).into_par_iter().map(value_at).collect();
+        Ok(Self { points, values })
+    }
+
+    /// Number of points inside.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Never: a body without a point inside is refused.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Distance of neighbouring points [mm].
+    pub fn spacing(&self) -> f64 {
+        self.points.pitch * 1e3
+    }
+}
+
+/// A closed surface of a body, and what moves each of its vertices.
+///
+/// Vertex numbers and triangles stay the same until the next extraction, which is needed only after a cut.
+#[derive(Debug, Clone)]
+pub struct FineSurface {
+    /// Rest places, RAS+ [mm].
+    rest: Vec<[f64; 3]>,
+    /// Unit normals at rest.
+    normals: Vec<[f32; 3]>,
+    triangles: Vec<[u32; 3]>,
+    sheets: Vec<Sheet>,
+    /// Centres of loops with the vertices of each loop, whose mean they follow.
+    centres: Vec<(u32, Vec<u32>)>,
+    carriage: Carriage,
+}
+
+impl FineSurface {
+    /// Extracts the surface of a body as blades have left it, and binds it to the lattice.
+    ///
+    /// - `topology`, `cuts`: the springs of the lattice and the cut sheet at the same moment.
+    ///
+    /// # Errors
+    /// If the surface would need more than 2^32 vertices or triangles.
+    pub fn extract(body: &Body, lattice: &Lattice, topology: &Topology, cuts: &CutSheet) -> Result<Self, SurfaceError> {
+        let knife = Knife::new(cuts, &lattice.grid.affine);
+        let hosts = Hosts::new(lattice, topology, &knife);
+        let frame = Frame::new(lattice, &body.points);
+        let fine = &body.points;
+        let mut cut = Topology::new(fine);
+        for spring in knife.severed(fine, |index| frame.to_fine(index)) {
+            cut.sever(fine, spring);
+        }
+        if !topology.severed().is_empty() {
+            for spring in parted(fine, &cut, &hosts, &frame) {
+                cut.sever(fine, spring);
+            }
+        }
+        let surface = Surface::extract_places(fine, &cut, &body.values)?;
+        let rest: Vec<[f64; 3]> = surface.rest_places().collect();
+        let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
+        let sheets: Vec<Sheet> = surface.sheets().collect();
+        let normals = rest_normals(body, &sheets, &rest, surface.normals(&at_rest))?;
+        let anchors = surface.anchors();
+        let places: Vec<Vector3> =
+            rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
+        let inside = anchors.par_iter().map(|&anchor| frame.place_of(fine, anchor));
+        let hosts_of: Vec<Host> =
+            inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
+        let carriage = Carriage::bind(lattice, topology, &hosts, &hosts_of, &places);
+        let (triangles, centres) = surface.into_triangles_and_centres();
+        Ok(Self { rest, normals, triangles, sheets, centres, carriage })
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Corners of each triangle, counter-clockwise seen from outside in RAS+.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Rest place of each vertex, RAS+ [mm].
+    pub fn rest_places(&self) -> &[[f64; 3]] {
+        &self.rest
+    }
+
+    /// Whether each vertex lies on a face of a cut (its rim included) rather than on the skin.
+    pub fn on_seam(&self) -> impl ExactSizeIterator<Item = bool> + '_ {
+        self.sheets.iter().map(|&sheet| sheet != Sheet::Skin)
+    }
+
+    /// The surface moved by displacements of the particles, RAS+ [mm], in the order of the lattice.
+    ///
+    /// Positions, normals and displacements are filled in.
+    ///
+    /// # Panics
+    /// If there is not one displacement per particle of the lattice the surface was bound to.
+    pub fn carry(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> TriangleMesh {
+        let Carried { mut positions, displacements: mut moved, normals } =
+            self.carriage.carry(lattice, displacements, &self.rest, &self.normals);
+        for (centre, ring) in &self.centres {
+            let at = *centre as usize;
+            let mean = [0, 1, 2].map(|axis| {
+                ring.iter().map(|&vertex| f64::from(moved[vertex as usize][axis])).sum::<f64>() / ring.len() as f64
+            });
+            moved[at] = mean.map(|c| c as f32);
+            positions[at] = [0, 1, 2].map(|axis| (self.rest[at][axis] + mean[axis]) as f32);
+        }
+        let triangles = self.triangles.clone();
+        TriangleMesh { positions, triangles, normals, displacements: moved, ..TriangleMesh::default() }
+    }
+}
+
+/// Normals at rest: of the smoothed field on the skin, of the triangles on the faces of cuts and where the field is flat.
+fn rest_normals(
+    body: &Body,
+    sheets: &[Sheet],
+    rest: &[[f64; 3]],
+    of_triangles: Vec<[f32; 3]>,
+) -> Result<Vec<[f32; 3]>, SurfaceError> {
+    let Grid { shape, affine } = &body.points.grid;
+    let indices: Vec<[f64; 3]> = rest.par_iter().map(|&place| affine.index_of(Point3::from(place)).into()).collect();
+    let of_field = field_normals(*shape, affine, &body.values, GradientOf::Smoothed, &indices)?;
+    let choose = |((sheet, field), triangles): ((&Sheet, [f32; 3]), [f32; 3])| {
+        let along: f32 = (0..3).map(|axis| field[axis] * triangles[axis]).sum();
+        // Thin parts may be thinner than what the gradient is taken over, and look the wrong way.
+        if *sheet != Sheet::Seam && along > 0.5 { field } else { triangles }
+    };
+    Ok(sheets.par_iter().zip(of_field).zip(of_triangles).map(choose).collect())
+}
+
+/// From the indices of the fine grid to those of the lattice and back.
+struct Frame {
+    linear: Matrix3,
+    offset: Vector3,
+    inverse: Matrix3,
+}
+
+impl Frame {
+    fn new(lattice: &Lattice, fine: &Lattice) -> Self {
+        let offset = lattice.grid.affine.index_of(fine.grid.affine.origin()).coords;
+        let axis = |axis: Vector3| lattice.grid.affine.index_vector_of(fine.grid.affine.apply_vector(axis));
+        let linear = Matrix3::from_columns(&[axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z())]);
+        // Both grids are invertible, so their quotient is.
+        Self { linear, offset, inverse: linear.try_inverse().unwrap_or_else(Matrix3::identity) }
+    }
+
+    fn to_fine(&self, index: Vector3) -> Vector3 {
+        self.inverse * (index - self.offset)
+    }
+
+    fn to_lattice(&self, index: Vector3) -> Vector3 {
+        self.linear * index + self.offset
+    }
+
+    /// Index in the lattice of a point of the body.
+    fn place_of(&self, fine: &Lattice, point: u32) -> Vector3 {
+        self.to_lattice(Vector3::from(fine.ijk(point).map(|i| i as f64)))
+    }
+}
+
+/// Springs of the body between points whose hosts have been parted.
+fn parted(fine: &Lattice, cut: &Topology, hosts: &Hosts<'_>, frame: &Frame) -> Vec<SeveredSpring> {
+    let place = |point: u32| frame.place_of(fine, point);
+    let plain: Vec<bool> = (0..fine.len() as u32).into_par_iter().map(|point| hosts.is_plain(place(point))).collect();
+    let plain = &plain;
+    let springs = (0..fine.len() as u32).into_par_iter().flat_map_iter(|point| {
+        let alive = cut.alive()[point as usize];
+        let forward = (FIRST_FORWARD..NEIGHBOURS).filter(move |direction| alive >> direction & 1 == 1);
+        let ends = forward.filter_map(move |direction| Some((point, direction, fine.neighbour(point, direction)?)));
+        ends.filter(|&(point, _, other)| !(plain[point as usize] && plain[other as usize]))
+    });
+    springs
+        .filter(|&(point, _, other)| hosts.are_apart(hosts.host(place(point)), hosts.host(place(other))))
+        .map(|(particle, direction, _)| SeveredSpring { particle, direction: direction as u8, at: 0.5, time: 0.0 })
+        .collect()
+}
