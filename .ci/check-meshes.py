@@ -7,8 +7,9 @@ import trimesh
 
 failed = 0
 for path in sys.argv[1:]:
-    # As an importer reads them: vertices at one place become one.
+    # As an importer reads them: vertices at one place become one. Several organs are joined, and stay closed.
     mesh = trimesh.load(path, force="mesh", process=True)
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)
     facts = {
         "closed": mesh.is_watertight,
         "oriented": mesh.is_winding_consistent,

@@ -8,7 +8,7 @@
 //! # The way through
 //!
 //! ```text
-//! volume ──► organ map ──► lattice ──► world ──► run directory ──► surface ──► STL · PLY · GLB
+//! volume ──► organ map ──► lattice ──► world ──► run directory ──► surface ──► STL · PLY · glTF · OBJ · VTK
 //!   (HU)     (per voxel)  (particles,  (step,     (frames,          (cut-aware,   slices (PNG)
 //!                          springs)     cut)       topology)         carried)     plots · checks
 //! ```
@@ -18,7 +18,7 @@
 //! |---|---|
 //! | [`geometry`] | points, affine maps, grids: voxel index to patient place |
 //! | [`volume`] | CT volumes and label maps: crop, sample, resample, measure |
-//! | [`io`] | files, one format per module: NIfTI in and out, STL, PLY, GLB, PNG |
+//! | [`io`] | files, one format per module: NIfTI in and out, STL, PLY, glTF, OBJ, VTK, PNG |
 //! | [`phantom`] | volumes the program makes itself: an abdomen, a cube, a beam |
 //! | [`lattice`] | particles, their 26 neighbours, regions, blocks in memory, living springs |
 //! | [`material`] | Young's modulus and density, or the paper's constants, to masses and springs |

@@ -85,19 +85,23 @@ pub(super) struct RunArguments {
     pub(super) overwrite: bool,
 }
 
-/// Write the surfaces of a run as STL, PLY or GLB.
+/// Write the surfaces of a run as STL, PLY, GLB, glTF, OBJ or VTP, or its lattice as VTU.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  yawara mesh outputs/demo/run -o liver.stl --organ liver\n  \
                         yawara mesh outputs/demo/run -o liver.glb --frame all\n  \
-                        yawara mesh outputs/demo/run -o 'liver_{frame}.ply' --frame all\n\n\
-                        STL and PLY are in patient mm (RAS+), GLB in metres with +Y towards the head.")]
+                        yawara mesh outputs/demo/run -o 'liver_{frame}.vtp' --frame all\n  \
+                        yawara mesh outputs/demo/run -o lattice.vtu\n\n\
+                        GLB and glTF are in metres with +Y towards the head, all others in patient mm (RAS+). The extension \
+                        .vtu chooses the lattice in place of the surfaces: its cells with organ, fill, strain and severed \
+                        springs. A sequence of .vtp or .vtu comes with a .pvd that tells ParaView the times.")]
 pub(super) struct MeshArguments {
     /// Run directory.
     pub(super) run: PathBuf,
-    /// File to write: .stl, .ply or .glb; `{frame}` in its name stands for the number of each frame.
+    /// File to write: .stl, .ply, .glb, .gltf (with .bin), .obj (with .mtl) or .vtp, or .vtu for the lattice; `{frame}` in its
+    /// name stands for the number of each frame.
     #[arg(long, short)]
     pub(super) output: PathBuf,
-    /// Which frame: a number from 0, `last`, or `all` (numbered files, or one animated GLB).
+    /// Which frame: a number from 0, `last`, or `all` (numbered files, or one animated GLB or glTF).
     #[arg(long, default_value = "last", value_name = "N|last|all", allow_negative_numbers = true)]
     pub(super) frame: FrameChoice,
     /// Organ to write, by its name in the scene; may be given several times [default: all].
@@ -108,8 +112,23 @@ pub(super) struct MeshArguments {
     /// Write STL as text.
     #[arg(long)]
     pub(super) ascii: bool,
+    /// Write GLB or glTF with 16-bit positions and 8-bit normals; tells how far vertices lie from their place at most.
+    #[arg(long, conflicts_with = "ascii")]
+    pub(super) quantize: bool,
+    /// How an animated GLB or glTF holds its frames.
+    #[arg(long, value_enum, default_value_t = AnimationChoice::Step)]
+    pub(super) animation: AnimationChoice,
     #[command(flatten)]
     pub(super) paint: PaintArguments,
+}
+
+/// How an animation holds its frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum AnimationChoice {
+    /// A mesh for each frame, shown in its turn: right in every viewer, with all attributes.
+    Step,
+    /// Morph targets of one mesh between cuts: smooth, and smaller for many frames; right in three.js and Blender, not in f3d.
+    Morph,
 }
 
 /// Which frames of a run.
@@ -274,7 +293,7 @@ pub(super) struct InfoArguments {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  yawara check liver.stl\n  yawara check outputs/demo/run --json")]
 pub(super) struct CheckArguments {
-    /// Mesh (.stl, .ply, .glb) or run directory (the surfaces of every frame).
+    /// Mesh (.stl, .ply, .glb, .gltf, .obj) or run directory (the surfaces of every frame).
     pub(super) path: PathBuf,
     /// Print JSON.
     #[arg(long)]
@@ -323,6 +342,8 @@ pub(super) enum BenchCommand {
     Surface(BenchSurfaceArguments),
     /// The same ball carried by a lattice of three times its spacing: places and normals of one frame after another.
     Carry(BenchCarryArguments),
+    /// Writing mesh files: a ball with every attribute, each format against the same bytes written raw.
+    Write(BenchWriteArguments),
     /// A picture of a bumpy ball, all but reading and writing files.
     Render(BenchRenderArguments),
 }
@@ -378,6 +399,21 @@ pub(super) struct BenchRenderArguments {
     /// Write the picture, too (PNG).
     #[arg(long, short, value_name = "FILE")]
     pub(super) output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench write --triangles 1000000 --folder /tmp")]
+pub(super) struct BenchWriteArguments {
+    /// Triangles of the mesh, about; 100 to 100 million.
+    #[arg(long, default_value_t = 1_000_000, value_name = "N",
+          value_parser = RangedU64ValueParser::<usize>::new().range(100..=100_000_000))]
+    pub(super) triangles: usize,
+    /// Folder for the temporary files [default: the system's].
+    #[arg(long, value_name = "FOLDER")]
+    pub(super) folder: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

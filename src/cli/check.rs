@@ -21,7 +21,7 @@ pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::
     let checked = match Source::of(path)? {
         Source::Run => of_run(path, messages)?,
         Source::Mesh(format) => of_mesh(path, format)?,
-        other => return Err(other.refuse(path, "a mesh (.stl, .ply, .glb) or a run directory")),
+        other => return Err(other.refuse(path, "a mesh (.stl, .ply, .glb, .gltf, .obj) or a run directory")),
     };
     let passed = checked.iter().all(|(_, _, report)| report.passes());
     if arguments.json {

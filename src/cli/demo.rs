@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use super::args::{AxisChoice, DemoArguments, FrameChoice};
 use super::exit::Outcome;
-use super::mesh::write;
+use super::mesh::{Style, write};
 use super::messages::{Messages, out};
 use super::surface::mesher;
 use super::{run, slice};
@@ -45,7 +45,8 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
         let mut mesher = mesher(&run, organs, &MeshOptions::default(), messages)?;
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
-        write(&mut mesher, None, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;
+        let output = MeshOutput::new(&path, format.animates(), frames.len())?;
+        write(&mut mesher, None, &frames, &output, Style::plain(format), messages)?;
         Ok(())
     };
     mesh(ANIMATION, &[], true)?;

@@ -2,35 +2,143 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 
-use super::args::{FrameChoice, MeshArguments};
+use super::args::{AnimationChoice, FrameChoice, MeshArguments};
 use super::exit::Outcome;
 use super::messages::{Messages, out};
 use super::paint::frame;
 use super::progress;
 use super::source::Source;
 use super::surface::mesher;
-use crate::io::gltf::{Precision, StepAnimationWriter};
-use crate::io::mesh_format::{MeshFormat, MeshOutput};
-use crate::run::meshes::RunMesher;
+use crate::io::gltf::{MorphAnimationWriter, Precision, StepAnimationWriter, quantization_error_mm, write_gltf};
+use crate::io::mesh_format::{FramePattern, MeshFormat, MeshOutput};
+use crate::io::vtk::{self, LatticeState};
+use crate::run::meshes::{RunMesher, scene_of};
 use crate::run::paint::Painter;
 use crate::store::RunReader;
 use crate::surface::mesh::OrganMesh;
 
 pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Outcome> {
-    let mut format = MeshFormat::from_path(&arguments.output)?;
-    if arguments.ascii {
-        format = format.ascii()?;
-    }
-    let mut mesher = mesher(&arguments.run, &arguments.organ, &arguments.surface.options(), messages)?;
-    let frames = frames(arguments.frame, mesher.reader())?;
-    let output = MeshOutput::new(&arguments.output, format, frames.len())?;
-    let painter = arguments.paint.painter(&mesher, messages)?;
-    for path in write(&mut mesher, painter.as_ref(), &frames, &output, format, messages)? {
+    let lattice = arguments.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vtu"));
+    let written = if lattice { write_lattice(arguments, messages)? } else { write_surfaces(arguments, messages)? };
+    for path in written {
         out(&path.display().to_string())?;
     }
     Ok(Outcome::Done)
+}
+
+fn write_surfaces(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Vec<PathBuf>> {
+    let style = Style::of(arguments)?;
+    let mut mesher = mesher(&arguments.run, &arguments.organ, &arguments.surface.options(), messages)?;
+    let frames = frames(arguments.frame, mesher.reader())?;
+    let output = MeshOutput::new(&arguments.output, style.format.animates(), frames.len())?;
+    if style.animation == AnimationChoice::Morph && !matches!(output, MeshOutput::Animation(_)) {
+        bail!(
+            "{}: --animation morph is for several frames in one .glb or .gltf; add --frame all, and no {{frame}} in the name",
+            arguments.output.display()
+        );
+    }
+    let painter = arguments.paint.painter(&mesher, messages)?;
+    write(&mut mesher, painter.as_ref(), &frames, &output, style, messages)
+}
+
+/// Writes the lattice in place of surfaces.
+fn write_lattice(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Vec<PathBuf>> {
+    let MeshArguments { output, organ, ascii, quantize, animation, .. } = arguments;
+    if *ascii || *quantize || *animation == AnimationChoice::Morph || !organ.is_empty() {
+        bail!(
+            "{}: a .vtu holds the whole lattice as it is; --organ, --ascii, --quantize and --animation are for surfaces",
+            output.display()
+        );
+    }
+    let reader = open(&arguments.run, messages)?;
+    let frames = frames(arguments.frame, &reader)?;
+    let last = reader.frames() - 1;
+    let output = MeshOutput::new(output, false, frames.len())?;
+    let names: Vec<String> = scene_of(&reader)?.organs.into_iter().map(|organ| organ.name).collect();
+    let bar = progress::bar(messages, "frames", frames.len() as u64);
+    let mut written = Sequence::default();
+    for &number in &frames {
+        let path = match &output {
+            MeshOutput::Sequence(pattern) => pattern.path(number, last),
+            MeshOutput::File(path) | MeshOutput::Animation(path) => path.clone(),
+        };
+        let frame = reader.frame(number)?;
+        let state = LatticeState {
+            lattice: reader.lattice(),
+            topology: &frame.topology,
+            displacements_mm: &frame.displacements_mm,
+            organ_names: &names,
+            time: frame.time_s,
+        };
+        vtk::write_vtu(&path, &state)?;
+        written.add(frame.time_s, path);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    match &output {
+        MeshOutput::Sequence(pattern) => written.with_times(pattern),
+        MeshOutput::File(_) | MeshOutput::Animation(_) => Ok(written.paths),
+    }
+}
+
+/// What mesh files are like.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Style {
+    format: MeshFormat,
+    precision: Precision,
+    animation: AnimationChoice,
+}
+
+impl Style {
+    /// The usual files of a format.
+    pub(super) fn plain(format: MeshFormat) -> Self {
+        Self { format, precision: Precision::Float, animation: AnimationChoice::Step }
+    }
+
+    fn of(arguments: &MeshArguments) -> anyhow::Result<Self> {
+        let mut style = Self::plain(MeshFormat::from_path(&arguments.output)?);
+        if arguments.ascii {
+            style.format = style.format.ascii()?;
+        }
+        if arguments.quantize {
+            if !style.format.animates() {
+                bail!("{}: --quantize is for .glb and .gltf", arguments.output.display());
+            }
+            if arguments.animation == AnimationChoice::Morph {
+                bail!("morph targets are not quantised; leave --quantize or --animation morph out");
+            }
+            style.precision = Precision::Quantized;
+        }
+        style.animation = arguments.animation;
+        Ok(style)
+    }
+}
+
+/// Files written one after the other.
+#[derive(Default)]
+struct Sequence {
+    paths: Vec<PathBuf>,
+    times: Vec<f64>,
+}
+
+impl Sequence {
+    fn add(&mut self, time: f64, path: PathBuf) {
+        self.paths.push(path);
+        self.times.push(time);
+    }
+
+    /// Writes the list of files with their times, and gives all paths, this last.
+    fn with_times(mut self, pattern: &FramePattern) -> anyhow::Result<Vec<PathBuf>> {
+        let names = self.paths.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+        let list: Vec<(f64, String)> = self.times.iter().copied().zip(names).collect();
+        let path = pattern.summary("pvd");
+        vtk::write_pvd(&path, &list)
+            .with_context(|| format!("{}: could not write the list of frames", path.display()))?;
+        self.paths.push(path);
+        Ok(self.paths)
+    }
 }
 
 /// Opens a run and says when it is not complete.
@@ -60,48 +168,79 @@ pub(super) fn frames(choice: FrameChoice, reader: &RunReader) -> anyhow::Result<
     }
 }
 
-/// Writes frames and returns the paths written.
+/// Writes frames, one at a time, and returns the paths written.
 pub(super) fn write(
     mesher: &mut RunMesher,
     painter: Option<&Painter>,
     frames: &[usize],
     output: &MeshOutput,
-    format: MeshFormat,
+    style: Style,
     messages: &Messages,
 ) -> anyhow::Result<Vec<PathBuf>> {
     let bar = progress::bar(messages, "frames", frames.len() as u64);
     let last = mesher.reader().frames().saturating_sub(1);
-    let mut written = Vec::new();
-    match output {
+    // How far quantised vertices lie from their place [mm].
+    let mut error = 0.0_f64;
+    let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>)> {
+        let (time, meshes) = frame(mesher, painter, number)?;
+        if style.precision == Precision::Quantized {
+            error = error.max(quantization_error_mm(&meshes));
+        }
+        bar.inc(1);
+        Ok((time, meshes))
+    };
+    let written = match output {
         MeshOutput::File(path) => {
-            let (_, meshes) = frame(mesher, painter, frames[0])?;
-            write_one(format, path, &meshes)?;
-            written.push(path.clone());
+            let (time, meshes) = next(frames[0])?;
+            write_one(style, path, time, &meshes)?;
+            vec![path.clone()]
         }
         MeshOutput::Sequence(pattern) => {
+            let mut written = Sequence::default();
             for &number in frames {
-                let (_, meshes) = frame(mesher, painter, number)?;
+                let (time, meshes) = next(number)?;
                 let path = pattern.path(number, last);
-                write_one(format, &path, &meshes)?;
-                written.push(path);
-                bar.inc(1);
+                write_one(style, &path, time, &meshes)?;
+                written.add(time, path);
             }
+            if style.format == MeshFormat::Vtp { written.with_times(pattern)? } else { written.paths }
         }
         MeshOutput::Animation(path) => {
-            let mut animation = StepAnimationWriter::create(path, Precision::Float)?;
-            for &number in frames {
-                let (time, meshes) = frame(mesher, painter, number)?;
-                animation.push_frame(time, &meshes)?;
-                bar.inc(1);
+            match style.animation {
+                AnimationChoice::Step => {
+                    let mut animation = StepAnimationWriter::create(path, style.precision)?;
+                    for &number in frames {
+                        let (time, meshes) = next(number)?;
+                        animation.push_frame(time, &meshes)?;
+                    }
+                    animation.finish()?;
+                }
+                AnimationChoice::Morph => {
+                    let mut animation = MorphAnimationWriter::create(path)?;
+                    for &number in frames {
+                        let (time, meshes) = next(number)?;
+                        animation.push_frame(time, &meshes)?;
+                    }
+                    animation.finish()?;
+                }
             }
-            animation.finish()?;
-            written.push(path.clone());
+            vec![path.clone()]
         }
-    }
+    };
     bar.finish_and_clear();
+    if style.precision == Precision::Quantized {
+        messages.note(format!(
+            "quantised: vertices lie at most {error:.2e} mm from their place along each axis, normals turn by at most 0.4 degrees"
+        ));
+    }
     Ok(written)
 }
 
-fn write_one(format: MeshFormat, path: &Path, meshes: &[OrganMesh]) -> anyhow::Result<()> {
-    Ok(format.write(path, meshes)?)
+fn write_one(style: Style, path: &Path, time: f64, meshes: &[OrganMesh]) -> anyhow::Result<()> {
+    match style.format {
+        MeshFormat::Vtp => vtk::write_vtp(path, meshes, Some(time))?,
+        MeshFormat::Glb | MeshFormat::Gltf => write_gltf(path, meshes, style.precision)?,
+        format => format.write(path, meshes)?,
+    }
+    Ok(())
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::gltf::{GltfReader, Precision, write_gltf};
 use super::mesh_error::{ReadMeshError, WriteMeshError};
-use super::{ply, stl};
+use super::{obj, ply, stl, vtk};
 use crate::surface::mesh::{Finish, OrganMesh};
 
 /// The placeholder of a frame's number.
@@ -29,14 +29,21 @@ pub enum MeshFormat {
     Glb,
     /// glTF 2.0 as JSON with its buffer beside it: `.gltf` and `.bin`.
     Gltf,
+    /// OBJ with its materials beside it: `.obj` and `.mtl`.
+    Obj,
+    /// VTK polygons: `.vtp`.
+    Vtp,
 }
+
+/// The extensions that name mesh formats.
+pub const EXTENSIONS: &str = ".stl, .ply, .glb, .gltf, .obj or .vtp";
 
 /// Why a path cannot name mesh files.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshPathError {
     /// The extension names no format.
-    #[error("{}: the extension is {found}; meshes are written as .stl, .ply or .glb", path.display())]
+    #[error("{}: the extension is {found}; meshes are written as {EXTENSIONS}, the lattice of a run as .vtu", path.display())]
     UnknownExtension {
         /// The path.
         path: PathBuf,
@@ -44,7 +51,7 @@ pub enum MeshPathError {
         found: String,
     },
     /// ASCII was asked of a format that has none.
-    #[error("ASCII was asked for, but {format} is binary here; only STL can be written as ASCII")]
+    #[error("ASCII was asked for, but {format} is written in one way here; only STL can be written as ASCII")]
     NoAscii {
         /// The format.
         format: MeshFormat,
@@ -93,11 +100,18 @@ impl MeshFormat {
             Some("ply") => Ok(Self::Ply),
             Some("glb") => Ok(Self::Glb),
             Some("gltf") => Ok(Self::Gltf),
+            Some("obj") => Ok(Self::Obj),
+            Some("vtp") => Ok(Self::Vtp),
             other => {
                 let found = other.map_or("missing".to_string(), |extension| format!("'.{extension}'"));
                 Err(MeshPathError::UnknownExtension { path: path.to_path_buf(), found })
             }
         }
+    }
+
+    /// True when one file can hold several frames.
+    pub fn animates(self) -> bool {
+        matches!(self, Self::Glb | Self::Gltf)
     }
 
     /// The ASCII variant of this format.
@@ -121,11 +135,13 @@ impl MeshFormat {
             Self::StlAscii => stl::write_stl_ascii(path, organs),
             Self::Ply => ply::write_ply(path, organs),
             Self::Glb | Self::Gltf => write_gltf(path, organs, Precision::Float),
+            Self::Obj => obj::write_obj(path, organs),
+            Self::Vtp => vtk::write_vtp(path, organs, None),
         }
     }
 
-    /// Reads a mesh file of this format: one mesh for STL and PLY, named after the file, and the organs of the first frame
-    /// for GLB ([`GltfReader`] gives every frame).
+    /// Reads a mesh file of this format: one mesh for STL and PLY, named after the file, the objects of OBJ, and the organs of
+    /// the first frame for glTF ([`GltfReader`] gives every frame). VTK is only written.
     ///
     /// # Errors
     /// As the format's own reader.
@@ -134,6 +150,15 @@ impl MeshFormat {
             Self::Stl | Self::StlAscii => stl::read_stl(path)?,
             Self::Ply => ply::read_ply(path)?,
             Self::Glb | Self::Gltf => return GltfReader::open(path)?.read_frame(0),
+            Self::Obj => return obj::read_obj(path),
+            Self::Vtp => {
+                let (path, what) = (path.to_path_buf(), "VTK XML".to_owned());
+                return Err(ReadMeshError::Unsupported {
+                    path,
+                    what,
+                    advice: "write the mesh as .ply or .glb as well",
+                });
+            }
         };
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(vec![OrganMesh { name, color: [0.8; 3], finish: Finish::default(), mesh }])
@@ -148,6 +173,8 @@ impl fmt::Display for MeshFormat {
             Self::Ply => "PLY",
             Self::Glb => "GLB",
             Self::Gltf => "glTF (JSON)",
+            Self::Obj => "OBJ",
+            Self::Vtp => "VTP",
         })
     }
 }
@@ -197,6 +224,15 @@ impl FramePattern {
         let width = last.to_string().len();
         self.folder.join(format!("{}{frame:0width$}{}", self.before, self.after))
     }
+
+    /// Path of a file about the whole sequence: its name without the number, and with another extension.
+    pub fn summary(&self, extension: &str) -> PathBuf {
+        let stem = Path::new(&self.after).file_stem().filter(|_| !self.after.starts_with('.')).unwrap_or_default();
+        let separator = ['_', '-', '.', ' '];
+        let (before, after) = (self.before.trim_end_matches(separator), stem.to_string_lossy());
+        let name = format!("{before}{}", if before.is_empty() { after.trim_start_matches(separator) } else { &after });
+        self.folder.join(format!("{}.{extension}", if name.is_empty() { "frames" } else { &name }))
+    }
 }
 
 /// Where meshes go.
@@ -215,15 +251,16 @@ impl MeshOutput {
     ///
     /// A path with `{frame}` is a sequence, even of one; without it, one frame goes into one file, and several into an
     /// animation if the format has one.
+    /// - `animates`: see [`MeshFormat::animates`].
     ///
     /// # Errors
-    /// If several frames are asked of one STL or PLY file, or the path's placeholders are wrong.
-    pub fn new(path: &Path, format: MeshFormat, frames: usize) -> Result<Self, MeshPathError> {
-        match (FramePattern::parse(path)?, format) {
-            (Some(pattern), _) => Ok(Self::Sequence(pattern)),
-            (None, _) if frames <= 1 => Ok(Self::File(path.to_path_buf())),
-            (None, MeshFormat::Glb | MeshFormat::Gltf) => Ok(Self::Animation(path.to_path_buf())),
-            (None, _) => {
+    /// If several frames are asked of one file that cannot hold them, or the path's placeholders are wrong.
+    pub fn new(path: &Path, animates: bool, frames: usize) -> Result<Self, MeshPathError> {
+        match FramePattern::parse(path)? {
+            Some(pattern) => Ok(Self::Sequence(pattern)),
+            None if frames <= 1 => Ok(Self::File(path.to_path_buf())),
+            None if animates => Ok(Self::Animation(path.to_path_buf())),
+            None => {
                 let mut name = path.file_stem().unwrap_or_default().to_os_string();
                 name.push("_{frame}");
                 if let Some(extension) = path.extension() {
@@ -247,15 +284,12 @@ mod tests {
         assert_eq!(format("a/b.stl"), Ok(MeshFormat::Stl));
         assert_eq!(format("b.PLY"), Ok(MeshFormat::Ply));
         assert_eq!(format("liver_{frame}.glb"), Ok(MeshFormat::Glb));
-        for (path, found) in [("mesh.obj", "'.obj'"), ("mesh", "missing")] {
+        for (path, found) in [("mesh.off", "'.off'"), ("mesh", "missing")] {
             let message = format(path).unwrap_err().to_string();
-            assert!(
-                message.contains(path) && message.contains(found) && message.contains(".stl, .ply or .glb"),
-                "{message}"
-            );
+            assert!(message.contains(path) && message.contains(found) && message.contains(EXTENSIONS), "{message}");
         }
         assert_eq!(MeshFormat::Stl.ascii(), Ok(MeshFormat::StlAscii));
-        assert!(MeshFormat::Glb.ascii().unwrap_err().to_string().contains("GLB is binary"));
+        assert!(MeshFormat::Glb.ascii().unwrap_err().to_string().contains("GLB is written in one way"));
     }
 
     #[test]
@@ -265,6 +299,20 @@ mod tests {
         assert_eq!(pattern.path(7, 40), Path::new("out/liver_07.stl"));
         assert_eq!(pattern.path(100, 100), Path::new("out/liver_100.stl"));
         assert_eq!(FramePattern::parse(Path::new("out/{odd}/liver.stl")), Ok(None));
+    }
+
+    #[test]
+    fn the_file_about_a_sequence_has_no_number() {
+        for (path, expected) in [
+            ("out/liver_{frame}.vtp", "out/liver.pvd"),
+            ("liver{frame}_cut.vtp", "liver_cut.pvd"),
+            ("{frame}.vtp", "frames.pvd"),
+            ("{frame}-liver.vtp", "liver.pvd"),
+            ("liver.{frame}.vtu", "liver.pvd"),
+        ] {
+            let pattern = FramePattern::parse(Path::new(path)).unwrap().unwrap();
+            assert_eq!(pattern.summary("pvd"), Path::new(expected));
+        }
     }
 
     #[test]
@@ -287,7 +335,7 @@ mod tests {
     fn frames_and_path_decide_what_is_written() {
         let output = |path: &str, frames| {
             let path = Path::new(path);
-            MeshOutput::new(path, MeshFormat::from_path(path).unwrap(), frames)
+            MeshOutput::new(path, MeshFormat::from_path(path).unwrap().animates(), frames)
         };
         assert_eq!(output("a.stl", 1), Ok(MeshOutput::File("a.stl".into())));
         assert_eq!(output("a.glb", 41), Ok(MeshOutput::Animation("a.glb".into())));

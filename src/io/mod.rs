@@ -7,6 +7,8 @@ pub mod label_names;
 pub mod mesh_error;
 pub mod mesh_format;
 pub mod nifti;
+pub mod obj;
 pub mod ply;
 pub mod png;
 pub mod stl;
+pub mod vtk;

@@ -108,6 +108,16 @@ impl Topology {
         (1..8).all(|c| intact(c, corner[c])).then_some(corner)
     }
 
+    /// How many of the 28 springs of the cell above a particle were severed; 0 where there is no cell.
+    pub fn severed_in_cell(&self, lattice: &Lattice, particle: u32) -> u32 {
+        let corners = lattice.cell(particle).into_iter().flatten().enumerate();
+        let ends = corners.map(|(corner, particle)| {
+            let rest = lattice.springs[particle as usize] & CELL_SPRINGS[corner];
+            (rest & !self.alive[particle as usize]).count_ones()
+        });
+        ends.sum::<u32>() / 2
+    }
+
     /// Removes a spring; returns false when it was not alive (cutting twice changes nothing).
     ///
     /// # Panics

@@ -163,10 +163,16 @@ fn requests_a_run_cannot_answer() {
     mesh("a.stl", &["--frame", "first"]).refused(&["`first` is not a frame"]);
     mesh("a.stl", &["--frame", "all"]).refused(&["5 frames", "a_{frame}.stl"]);
     mesh("a.stl", &["--organ", "spleen"]).refused(&["`spleen`", "cube"]);
-    mesh("a.obj", &[]).refused(&["a.obj", ".stl, .ply or .glb"]);
+    mesh("a.off", &[]).refused(&["a.off", ".stl, .ply, .glb, .gltf, .obj or .vtp", ".vtu"]);
     mesh("a", &[]).refused(&["a: the extension is missing"]);
     mesh("a_{time}.stl", &["--frame", "all"]).refused(&["{time}", "{frame}"]);
-    mesh("a.ply", &["--ascii"]).refused(&["PLY is binary", "only STL"]);
+    mesh("a.ply", &["--ascii"]).refused(&["PLY is written in one way", "only STL"]);
+    mesh("a.stl", &["--quantize"]).refused(&["a.stl: --quantize is for .glb and .gltf"]);
+    mesh("a.glb", &["--animation", "morph"])
+        .refused(&["a.glb: --animation morph is for several frames", "--frame all"]);
+    mesh("a.glb", &["--quantize", "--animation", "morph", "--frame", "all"]).refused(&["not quantised"]);
+    mesh("a.vtu", &["--organ", "cube"]).refused(&["a.vtu: a .vtu holds the whole lattice", "--organ"]);
+    mesh("a.vtu", &["--frame", "all"]).refused(&["5 frames", "a_{frame}.vtu"]);
     folder.yawara(&["volume", "run", "-o", "v.pdf"]).refused(&["v.pdf", ".png"]);
     folder.yawara(&["volume", "run", "-o", "v.png", "--organ", "spleen"]).refused(&["`spleen`", "cube"]);
     for source in ["run", "ph/ct.nii.gz"] {

@@ -49,6 +49,9 @@ fn meshes_of_every_format_and_frame() {
         ("last.glb", &[]),
         ("all.glb", &["--frame", "all"]),
         ("steps.PLY", &["--smooth", "0"]),
+        ("last.gltf", &[]),
+        ("last.obj", &[]),
+        ("morph.glb", &["--frame", "all", "--animation", "morph"]),
     ] {
         assert_eq!(mesh(output, more), format!("{output}\n"));
         folder.yawara(&["check", output]).done().prints(&["passed", "no defect"]);
@@ -61,7 +64,7 @@ fn meshes_of_every_format_and_frame() {
     assert_ne!(folder.read("first.stl"), folder.read("last.stl"));
 
     // 60 mm cubed, whatever the file.
-    for output in ["last.stl", "text.stl", "last.ply", "last.glb", "all.glb"] {
+    for output in ["last.stl", "text.stl", "last.ply", "last.glb", "all.glb", "last.gltf", "last.obj"] {
         let facts = folder.yawara(&["info", output, "--json"]).done().json();
         let mesh = &facts["meshes"][0];
         let volume = mesh["volume_ml"].as_f64().expect("a volume");
@@ -69,8 +72,46 @@ fn meshes_of_every_format_and_frame() {
         assert_eq!((mesh["closed"].as_bool(), mesh["components"].as_u64()), (Some(true), Some(1)), "{output}");
         folder.yawara(&["info", output]).done().prints(&["kind", "mesh", "volume_ml", "bounds_ras_mm"]);
     }
-    let checked = folder.yawara(&["check", "all.glb", "--json"]).done().json();
-    assert_eq!(checked["meshes"].as_array().map(Vec::len), Some(5));
+    for output in ["all.glb", "morph.glb"] {
+        let checked = folder.yawara(&["check", output, "--json"]).done().json();
+        assert_eq!(checked["meshes"].as_array().map(Vec::len), Some(5), "{output}");
+    }
+    let quantized = folder.yawara(&["mesh", "run", "-o", "q.glb", "--quantize"]).done();
+    assert!(quantized.stderr.contains("mm from their place"), "{}", quantized.stderr);
+    assert!(folder.read("q.glb").len() < folder.read("last.glb").len());
+}
+
+#[test]
+fn sequences_for_paraview_come_with_their_times() {
+    let folder = Folder::with_run();
+    for (extension, what) in [("vtp", "PolyData"), ("vtu", "UnstructuredGrid")] {
+        let pattern = format!("a_{{frame}}.{extension}");
+        let answer = folder.yawara(&["mesh", "run", "-o", &pattern, "--frame", "all"]).done();
+        let files: Vec<String> = (0..5).map(|frame| format!("a_{frame}.{extension}")).collect();
+        assert_eq!(answer.stdout.lines().collect::<Vec<_>>(), [&files[..], &["a.pvd".to_owned()]].concat());
+        let list = String::from_utf8(folder.read("a.pvd")).unwrap();
+        assert_eq!(list.matches("<DataSet timestep=").count(), 5);
+        for file in files {
+            assert!(list.contains(&format!("file=\"{file}\"")), "{list}");
+            let text = folder.read(&file);
+            let text = String::from_utf8_lossy(&text);
+            assert!(text.contains(&format!("<VTKFile type=\"{what}\"")) && text.contains("TimeValue"));
+        }
+    }
+    folder.yawara(&["mesh", "run", "-o", "lattice.vtu"]).done().prints(&["lattice.vtu"]);
+}
+
+#[test]
+fn the_speed_of_writing_is_told() {
+    let folder = Folder::new();
+    let bench = ["bench", "write", "--triangles", "1000", "--folder", "here", "--json"];
+    let report = folder.yawara(&bench).done().json();
+    let formats = report["formats"].as_array().unwrap();
+    assert_eq!(formats.len(), 7);
+    for format in formats {
+        assert!(format["bytes"].as_u64().unwrap() > 10_000 && format["mb_per_s"].as_f64().unwrap() > 0.0, "{format}");
+    }
+    assert!(std::fs::read_dir(folder.path("here")).unwrap().next().is_none(), "nothing is left");
 }
 
 #[test]

@@ -3,7 +3,9 @@
 mod animation;
 mod broken;
 mod meshes;
+mod obj;
 mod slices;
+mod vtk;
 
 use yawara::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 

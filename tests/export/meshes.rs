@@ -11,11 +11,14 @@ use yawara::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 
 use crate::{blob, entries, signed_volume};
 
-const FORMATS: [(MeshFormat, &str); 4] = [
+const FORMATS: [(MeshFormat, &str); 7] = [
     (MeshFormat::Stl, "m.stl"),
     (MeshFormat::StlAscii, "a.stl"),
     (MeshFormat::Ply, "m.ply"),
     (MeshFormat::Glb, "m.glb"),
+    (MeshFormat::Gltf, "j.gltf"),
+    (MeshFormat::Obj, "o.obj"),
+    (MeshFormat::Vtp, "v.vtp"),
 ];
 /// Metres in single precision: half a unit in the last place on the way there and back.
 const GLB_RELATIVE: f32 = 2.5e-7;
@@ -362,7 +365,8 @@ fn the_same_meshes_give_the_same_bytes() {
         write(format, &path, &organs());
         assert_eq!(first, fs::read(&path).unwrap(), "{format}");
     }
-    assert_eq!(entries(folder.path()), ["a.stl", "m.glb", "m.ply", "m.stl"]);
+    let expected = ["a.stl", "j.bin", "j.gltf", "m.glb", "m.ply", "m.stl", "o.mtl", "o.obj", "v.vtp"];
+    assert_eq!(entries(folder.path()), expected);
 }
 
 #[test]
@@ -376,8 +380,29 @@ fn refused_meshes_leave_nothing_behind() {
         let path = folder.path().join(name);
         assert!(matches!(format.write(&path, &bad), Err(WriteMeshError::NotFinite { at: 3, .. })), "{format}");
         assert!(matches!(format.write(&path, &empty), Err(WriteMeshError::Empty { organs: 2, .. })), "{format}");
-        let message = format.write(folder.path(), &organs()).unwrap_err().to_string();
+        assert!(entries(folder.path()).is_empty(), "{format}");
+    }
+    for (format, name) in FORMATS {
+        // A folder stands where the file should be.
+        let path = folder.path().join(name);
+        fs::create_dir(&path).unwrap();
+        let message = format.write(&path, &organs()).unwrap_err().to_string();
         assert!(message.contains("could not write"), "{message}");
     }
-    assert!(entries(folder.path()).is_empty());
+}
+
+#[test]
+fn the_thread_count_changes_no_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    // More vertices and triangles than one chunk.
+    let organs = [blob("liver", [60.0, -20.0, 700.0], 150)];
+    for (format, name) in FORMATS {
+        let bytes = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let path = folder.path().join(name);
+            pool.install(|| write(format, &path, &organs));
+            fs::read(&path).unwrap()
+        };
+        assert!(bytes(1) == bytes(3), "{format}");
+    }
 }

@@ -4,6 +4,7 @@ mod carry;
 mod lattice;
 mod render;
 mod surface;
+mod write;
 
 use super::args::BenchCommand;
 use super::exit::Outcome;
@@ -14,6 +15,7 @@ pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
         BenchCommand::Surface(arguments) => surface::surface(arguments),
         BenchCommand::Carry(arguments) => carry::carry(arguments),
         BenchCommand::Render(arguments) => render::render(arguments),
+        BenchCommand::Write(arguments) => write::write(arguments),
     }?;
     Ok(Outcome::Done)
 }

@@ -275,7 +275,7 @@ impl DocumentWriter {
         }))
     }
 
-    /// Adds a channel of an animation: keys at growing times [s], with `width` numbers each, of which `three` make one element.
+    /// Adds a channel of an animation: growing key times [s], and `output`, which adds the accessor of what holds at them.
     pub(super) fn channel(
         &mut self,
         animation: &mut Animation,
