@@ -28,6 +28,7 @@
 //! | [`scene`] | TOML to a checked description in SI units |
 //! | [`store`] | the run directory |
 //! | [`surface`] | cut-aware marching cubes, carrying, checking |
+//! | [`look`] | colour: from values to linear RGB |
 //! | [`slice`] | a plane of a volume, at rest or carried by the lattice |
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
@@ -112,6 +113,8 @@ pub mod scene;
 
 pub mod store;
 pub mod surface;
+
+pub mod look;
 
 pub mod slice;
 

@@ -1,0 +1,3 @@
+//! Colour: from values to linear RGB.
+
+pub mod colormap;
