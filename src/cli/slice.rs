@@ -12,6 +12,7 @@ use super::source::{Source, expect_png, label_map};
 use crate::geometry::Grid;
 use crate::io::nifti::{read_ct, read_info, read_labels};
 use crate::io::png::write_png;
+use crate::look::colormap::label_color;
 use crate::run::inputs;
 use crate::run::meshes::{MeshOptions, RunMesher, scene_of};
 use crate::scene::resolved::{Scene, VoxelSelection};
@@ -155,15 +156,7 @@ fn palette(labels: &LabelVolume) -> std::collections::BTreeMap<u16, [f32; 3]> {
         .label_summaries()
         .iter()
         .filter(|summary| summary.label != 0)
-        .map(|summary| {
-            // The golden ratio spreads hues of successive labels far apart.
-            let hue = (f64::from(summary.label) * 0.618_033_988_75).fract() * 6.0;
-            let channel = |shift: f64| {
-                let distance = ((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0;
-                (0.15 + 0.7 * distance.clamp(0.0, 1.0)) as f32
-            };
-            (summary.label, [channel(0.0), channel(4.0), channel(2.0)])
-        })
+        .map(|summary| (summary.label, label_color(summary.label)))
         .collect()
 }
 

@@ -181,7 +181,8 @@ fn msh([r, g, b]: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = [0, 1, 2].map(|axis| f(xyz[axis] / D65[axis]));
     let (lightness, a, b) = (116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z));
     let magnitude = (lightness * lightness + a * a + b * b).sqrt();
-    [magnitude, (lightness / magnitude).acos(), b.atan2(a)]
+    // Black has no direction; its saturation does not matter.
+    [magnitude, (lightness / magnitude.max(f64::MIN_POSITIVE)).acos(), b.atan2(a)]
 }
 
 /// Msh to linear RGB; parts may leave 0..=1.

@@ -53,27 +53,36 @@ impl RestSurface {
             .zip(&mesh.displacements)
             .map(|(place, moved)| Point3::from([0, 1, 2].map(|axis| f64::from(place[axis]) - f64::from(moved[axis]))))
             .collect();
-        let mut skin = vec![Vector3::zeros(); places.len()];
-        let mut cut = vec![Vector3::zeros(); places.len()];
+        let zeros = || vec![Vector3::zeros(); places.len()];
+        let (mut skin, mut cut, mut toward_cut) = (zeros(), zeros(), zeros());
         let mut cut_triangles = Vec::new();
         for triangle in &mesh.triangles {
             let [a, b, c] = triangle.map(|corner| places[corner as usize]);
             let inward = (c - a).cross(&(b - a));
             // A row of triangles behind the rim may have corners of both kinds: it belongs to the skin.
-            let sum = if triangle.iter().all(|&corner| on_cut[corner as usize]) {
+            if triangle.iter().all(|&corner| on_cut[corner as usize]) {
                 cut_triangles.push(*triangle);
-                &mut cut
+                let (centre, area) = ((a.coords + b.coords + c.coords) / 3.0, inward.norm());
+                for corner in triangle.map(|corner| corner as usize) {
+                    cut[corner] += inward;
+                    toward_cut[corner] += (centre - places[corner].coords) * area;
+                }
             } else {
-                &mut skin
-            };
-            triangle.iter().for_each(|&corner| sum[corner as usize] += inward);
+                triangle.iter().for_each(|&corner| skin[corner as usize] += inward);
+            }
         }
-        let unit = |sum: &mut Vector3| *sum = sum.try_normalize(0.0).unwrap_or_default();
-        skin.iter_mut().for_each(unit);
-        cut.iter_mut().for_each(unit);
+        let unit = |vector: &mut Vector3| *vector = vector.try_normalize(0.0).unwrap_or_default();
+        [&mut skin, &mut cut, &mut toward_cut].into_iter().for_each(|all| all.iter_mut().for_each(unit));
+        let inward = (0..places.len()).map(|v| if cut[v] == Vector3::zeros() { skin[v] } else { cut[v] }).collect();
+        // From a rim the inside lies in the face of the cut, which a crooked bit of skin beside it may not know.
+        let on_both = |(skin, (cut, _)): &(&mut Vector3, (&Vector3, &Vector3))| {
+            **skin != Vector3::zeros() && **cut != Vector3::zeros()
+        };
+        for (skin, (cut, toward_cut)) in skin.iter_mut().zip(cut.iter().zip(&toward_cut)).filter(on_both) {
+            let along = *skin - cut * skin.dot(cut);
+            *skin = (along + toward_cut).try_normalize(1e-6).unwrap_or(*skin);
+        }
         let from_skin = distances(&places, &cut_triangles, &skin, reach as f32);
-        let inward =
-            cut.iter().zip(&skin).map(|(cut, skin)| if *cut == Vector3::zeros() { *skin } else { *cut }).collect();
         Self { places, inward, on_cut: on_cut.to_vec(), skin: from_skin }
     }
 

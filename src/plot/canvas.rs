@@ -9,6 +9,8 @@ use embedded_graphics::prelude::{DrawTarget, Drawable, OriginDimensions, Pixel, 
 use embedded_graphics::text::{Baseline, Text};
 use image::{Rgb, RgbImage};
 
+use crate::look::colormap::linear_to_srgb8;
+
 /// An sRGB colour.
 pub(crate) type Color = [u8; 3];
 /// A place on the canvas [px].
@@ -156,11 +158,7 @@ pub(crate) fn mix(from: Color, to: Color, share: f64) -> Color {
 
 /// The sRGB colour of a linear one (IEC 61966-2-1).
 pub(crate) fn srgb(linear: [f32; 3]) -> Color {
-    linear.map(|c| {
-        let c = f64::from(c).clamp(0.0, 1.0);
-        let encoded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * encoded).round() as u8
-    })
+    linear.map(linear_to_srgb8)
 }
 
 fn distance(p: Place, a: Place, b: Place) -> f64 {
