@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
-use super::args::FrameChoice;
 use super::exit::Outcome;
-use super::mesh::{frames, open};
+use super::mesh::{frames_of, open};
 use super::messages::{Messages, out};
 use super::progress;
 use super::render_arguments::{RenderArguments, StyleChoice};
@@ -29,14 +28,11 @@ pub(super) fn render(arguments: &RenderArguments, messages: &Messages) -> anyhow
     let pattern = FramePattern::parse(&arguments.output)?;
     let mut subject = Subject::open(arguments, messages)?;
     let count = subject.frames();
-    let numbers = match &subject {
-        Subject::Surfaces(mesher) => frames(arguments.frame, mesher.reader())?,
-        Subject::Voxels { reader, .. } => frames(arguments.frame, reader)?,
-        Subject::File { .. } => frames_of_file(arguments, count)?,
-    };
+    let what = if matches!(subject, Subject::File { .. }) { "the mesh" } else { "the run" };
+    let numbers = frames_of(arguments.frame, count, &arguments.source, what)?;
     if pattern.is_none() && numbers.len() > 1 {
         bail!(
-            "{}: {} frames need {0} names: put {{frame}} into the file name, as in picture_{{frame}}.png",
+            "{}: {} frames need {1} names: put {{frame}} into the file name, as in picture_{{frame}}.png",
             arguments.output.display(),
             numbers.len()
         );
@@ -88,17 +84,6 @@ fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera, 
     let letters = !arguments.plain && background != Background::Transparent;
     let picture = if letters { annotate(picture, camera, background) } else { picture };
     Ok(write_png_rgba(path, picture)?)
-}
-
-fn frames_of_file(arguments: &RenderArguments, count: usize) -> anyhow::Result<Vec<usize>> {
-    match arguments.frame {
-        FrameChoice::All => Ok((0..count).collect()),
-        FrameChoice::Last => Ok(vec![count - 1]),
-        FrameChoice::Number(number) if number < count => Ok(vec![number]),
-        FrameChoice::Number(number) => {
-            bail!("{}: there is no frame {number}; the mesh has frames 0 to {}", arguments.source.display(), count - 1)
-        }
-    }
 }
 
 /// What is drawn, frame by frame.
