@@ -23,6 +23,9 @@ use crate::scene::resolved::Scene;
 use crate::store::RunReader;
 use crate::surface::mesh::{Finish, OrganMesh};
 
+/// What meshes without colour are made of, linear RGB.
+const CLAY: [f32; 3] = [0.40, 0.37, 0.34];
+
 pub(super) fn render(arguments: &RenderArguments, messages: &Messages) -> anyhow::Result<Outcome> {
     expect_png(&arguments.output)?;
     let pattern = FramePattern::parse(&arguments.output)?;
@@ -115,7 +118,10 @@ impl Subject {
                 Ok(Self::File { path: path.clone(), kind, organs: names.clone() })
             }
             (Some(format), _) => {
-                let kind = FileKind::Still(format.read(path)?);
+                let mut meshes = format.read(path)?;
+                // These formats have no colour; the one for viewers is too bright for our lights.
+                meshes.iter_mut().for_each(|organ| (organ.color, organ.finish) = (CLAY, Finish::Dry));
+                let kind = FileKind::Still(meshes);
                 Ok(Self::File { path: path.clone(), kind, organs: names.clone() })
             }
             (None, StyleChoice::Voxels) => {
