@@ -156,14 +156,18 @@ pub(super) fn open(path: &Path, messages: &Messages) -> anyhow::Result<RunReader
 
 /// Numbers of the frames that are asked for.
 pub(super) fn frames(choice: FrameChoice, reader: &RunReader) -> anyhow::Result<Vec<usize>> {
-    let count = reader.frames();
-    let Some(last) = count.checked_sub(1) else { bail!("{}: the run has no frame yet", reader.path().display()) };
+    frames_of(choice, reader.frames(), reader.path(), "the run")
+}
+
+/// The same of anything with so many frames.
+pub(super) fn frames_of(choice: FrameChoice, count: usize, path: &Path, what: &str) -> anyhow::Result<Vec<usize>> {
+    let Some(last) = count.checked_sub(1) else { bail!("{}: {what} has no frame yet", path.display()) };
     match choice {
         FrameChoice::All => Ok((0..count).collect()),
         FrameChoice::Last => Ok(vec![last]),
         FrameChoice::Number(number) if number < count => Ok(vec![number]),
         FrameChoice::Number(number) => {
-            bail!("{}: there is no frame {number}; the run has frames 0 to {last}", reader.path().display())
+            bail!("{}: there is no frame {number}; {what} has frames 0 to {last}", path.display())
         }
     }
 }

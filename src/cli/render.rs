@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
-use super::args::FrameChoice;
 use super::exit::Outcome;
-use super::mesh::{frames, open};
+use super::mesh::{frames_of, open};
 use super::messages::{Messages, out};
 use super::paint::frame as painted;
 use super::progress;
@@ -27,19 +26,19 @@ use crate::scene::resolved::Scene;
 use crate::store::RunReader;
 use crate::surface::mesh::{Finish, OrganMesh};
 
+/// What meshes without colour are made of, linear RGB.
+const CLAY: [f32; 3] = [0.40, 0.37, 0.34];
+
 pub(super) fn render(arguments: &RenderArguments, messages: &Messages) -> anyhow::Result<Outcome> {
     expect_png(&arguments.output)?;
     let pattern = FramePattern::parse(&arguments.output)?;
     let mut subject = Subject::open(arguments, messages)?;
     let count = subject.frames();
-    let numbers = match &subject {
-        Subject::Surfaces { mesher, .. } => frames(arguments.frame, mesher.reader())?,
-        Subject::Voxels { reader, .. } => frames(arguments.frame, reader)?,
-        Subject::File { .. } => frames_of_file(arguments, count)?,
-    };
+    let what = if matches!(subject, Subject::File { .. }) { "the mesh" } else { "the run" };
+    let numbers = frames_of(arguments.frame, count, &arguments.source, what)?;
     if pattern.is_none() && numbers.len() > 1 {
         bail!(
-            "{}: {} frames need {0} names: put {{frame}} into the file name, as in picture_{{frame}}.png",
+            "{}: {} frames need {1} names: put {{frame}} into the file name, as in picture_{{frame}}.png",
             arguments.output.display(),
             numbers.len()
         );
@@ -93,17 +92,6 @@ fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera, 
     Ok(write_png_rgba(path, picture)?)
 }
 
-fn frames_of_file(arguments: &RenderArguments, count: usize) -> anyhow::Result<Vec<usize>> {
-    match arguments.frame {
-        FrameChoice::All => Ok((0..count).collect()),
-        FrameChoice::Last => Ok(vec![count - 1]),
-        FrameChoice::Number(number) if number < count => Ok(vec![number]),
-        FrameChoice::Number(number) => {
-            bail!("{}: there is no frame {number}; the mesh has frames 0 to {}", arguments.source.display(), count - 1)
-        }
-    }
-}
-
 /// What is drawn, frame by frame.
 enum Subject {
     Surfaces { mesher: Box<RunMesher>, painter: Option<Painter> },
@@ -133,7 +121,10 @@ impl Subject {
                 Ok(Self::File { path: path.clone(), kind, organs: names.clone() })
             }
             (Some(format), _) => {
-                let kind = FileKind::Still(format.read(path)?);
+                let mut meshes = format.read(path)?;
+                // These formats have no colour; the one for viewers is too bright for our lights.
+                meshes.iter_mut().for_each(|organ| (organ.color, organ.finish) = (CLAY, Finish::Dry));
+                let kind = FileKind::Still(meshes);
                 Ok(Self::File { path: path.clone(), kind, organs: names.clone() })
             }
             (None, StyleChoice::Voxels) => {

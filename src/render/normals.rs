@@ -3,7 +3,7 @@
 use crate::surface::mesh::TriangleMesh;
 
 /// Triangles that meet at less than this are one smooth surface [degrees].
-pub const CREASE_DEGREES: f32 = 40.0;
+pub const CREASE_DEGREES: f32 = 50.0;
 
 /// The same mesh with normals: smooth where triangles meet at less than `crease_degrees`, sharp at the other edges.
 ///
