@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::run::meshes::DEFAULT_SMOOTHING;
+use crate::run::meshes::{DEFAULT_SMOOTHING, Resolution};
 use crate::slice::SliceAxis;
 
 /// Turns a CT volume into a soft organ that can be pushed, pulled and cut, and gives back surfaces.
@@ -105,9 +105,31 @@ pub(super) struct MeshArguments {
     #[arg(long, default_value_t = DEFAULT_SMOOTHING, value_name = "N",
           value_parser = RangedU64ValueParser::<usize>::new().range(0..=20))]
     pub(super) smooth: usize,
+    /// How fine the surface is: `volume` (the voxels of the CT), `lattice`, or the distance of its points [mm].
+    #[arg(long, default_value = "volume", value_name = "volume|lattice|MM", allow_negative_numbers = true)]
+    pub(super) resolution: ResolutionChoice,
     /// Write STL as text.
     #[arg(long)]
     pub(super) ascii: bool,
+}
+
+/// How fine a surface is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ResolutionChoice(pub(super) Resolution);
+
+impl std::str::FromStr for ResolutionChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let spacing = |text: &str| text.parse().ok().filter(|mm: &f64| mm.is_finite() && *mm > 0.0);
+        match text {
+            "volume" => Ok(Self(Resolution::Volume)),
+            "lattice" => Ok(Self(Resolution::Lattice)),
+            number => spacing(number).map(|mm| Self(Resolution::Spacing(mm))).ok_or_else(|| {
+                format!("`{number}` is no resolution; expected `volume`, `lattice` or a length in mm above 0")
+            }),
+        }
+    }
 }
 
 /// Which frames of a run.

@@ -6,13 +6,13 @@ use serde_json::{Value, json};
 
 use super::args::CheckArguments;
 use super::exit::Outcome;
-use super::mesh::open;
+use super::mesh::mesher;
 use super::messages::{Messages, out};
 use super::progress;
 use super::source::Source;
 use crate::io::gltf::GlbReader;
 use crate::io::mesh_format::MeshFormat;
-use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher};
+use crate::run::meshes::MeshOptions;
 use crate::surface::check::{MeshReport, check as examine};
 use crate::surface::mesh::OrganMesh;
 
@@ -55,7 +55,7 @@ fn of_mesh(path: &Path, format: MeshFormat) -> anyhow::Result<Checked> {
 }
 
 fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Checked> {
-    let mut mesher = RunMesher::new(open(path, messages)?, &[], DEFAULT_SMOOTHING)?;
+    let mut mesher = mesher(path, &[], &MeshOptions::default(), messages)?;
     let frames = mesher.reader().frames();
     let bar = progress::bar(messages, "frames", frames as u64);
     let mut checked = Vec::new();

@@ -6,12 +6,12 @@ use anyhow::{Context, bail};
 
 use super::args::{AxisChoice, DemoArguments, FrameChoice};
 use super::exit::Outcome;
-use super::mesh::{open, write};
+use super::mesh::{mesher, write};
 use super::messages::{Messages, out};
 use super::{run, slice};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
 use crate::run::label_lookup::Files;
-use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher};
+use crate::run::meshes::MeshOptions;
 use crate::scene::QUICKSTART;
 use crate::store::RunWriter;
 
@@ -41,7 +41,7 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
     let mesh = |name: &str, organs: &[String], all: bool| -> anyhow::Result<()> {
         let path = folder.join(name);
         let format = MeshFormat::from_path(&path)?;
-        let mut mesher = RunMesher::new(open(&run, messages)?, organs, DEFAULT_SMOOTHING)?;
+        let mut mesher = mesher(&run, organs, &MeshOptions::default(), messages)?;
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
         write(&mut mesher, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;

@@ -11,7 +11,7 @@ use super::progress;
 use super::source::Source;
 use crate::io::gltf::AnimatedGlbWriter;
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
-use crate::run::meshes::RunMesher;
+use crate::run::meshes::{MeshOptions, MeshRunError, Resolution, RunMesher};
 use crate::store::RunReader;
 use crate::surface::mesh::OrganMesh;
 
@@ -20,10 +20,10 @@ pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Re
     if arguments.ascii {
         format = format.ascii()?;
     }
-    let reader = open(&arguments.run, messages)?;
-    let frames = frames(arguments.frame, &reader)?;
+    let options = MeshOptions { resolution: arguments.resolution.0, smoothing: arguments.smooth };
+    let mut mesher = mesher(&arguments.run, &arguments.organ, &options, messages)?;
+    let frames = frames(arguments.frame, mesher.reader())?;
     let output = MeshOutput::new(&arguments.output, format, frames.len())?;
-    let mut mesher = RunMesher::new(reader, &arguments.organ, arguments.smooth)?;
     for path in write(&mut mesher, &frames, &output, format, messages)? {
         out(&path.display().to_string())?;
     }
@@ -41,6 +41,23 @@ pub(super) fn open(path: &Path, messages: &Messages) -> anyhow::Result<RunReader
         messages.warning(warning);
     }
     Ok(reader)
+}
+
+/// Opens a run for its surfaces. Those of its volume's resolution fall back on the lattice's when the volume is not to be had.
+pub(super) fn mesher(
+    run: &Path,
+    organs: &[String],
+    options: &MeshOptions,
+    messages: &Messages,
+) -> anyhow::Result<RunMesher> {
+    match RunMesher::new(open(run, messages)?, organs, options) {
+        Err(MeshRunError::Body(error)) if options.resolution == Resolution::Volume => {
+            messages.warning(format_args!("{error}; its surfaces are drawn at the resolution of the lattice instead"));
+            let options = MeshOptions { resolution: Resolution::Lattice, ..*options };
+            Ok(RunMesher::new(RunReader::open(run)?, organs, &options)?)
+        }
+        result => Ok(result?),
+    }
 }
 
 /// Numbers of the frames that are asked for.

@@ -14,7 +14,7 @@ use crate::io::nifti::{read_ct, read_info, read_labels};
 use crate::io::png::write_png;
 use crate::look::colormap::label_color;
 use crate::run::inputs;
-use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher, scene_of};
+use crate::run::meshes::{MeshOptions, RunMesher, scene_of};
 use crate::scene::resolved::{Scene, VoxelSelection};
 use crate::slice::deformed::InverseMap;
 use crate::slice::{SlicePicture, SlicePlane, Tint, Window};
@@ -81,7 +81,7 @@ fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<()>
     }
     let at_rest = if arguments.rest { 0 } else { number };
     let frame = reader.frame(number)?;
-    let mut mesher = RunMesher::new(reader, &[], DEFAULT_SMOOTHING)?;
+    let mut mesher = RunMesher::new(reader, &[], &MeshOptions::default())?;
     let meshes = if arguments.no_contour { Vec::new() } else { mesher.frame(at_rest)?.1 };
     draw_run(arguments, &scene, &volumes.image, &volumes.labels, &meshes, |raster| {
         (!arguments.rest).then(|| {

@@ -15,7 +15,7 @@ use super::source::expect_png;
 use crate::dynamics::measure::organ_volume;
 use crate::geometry::Vector3;
 use crate::plot::{Axis, Plot, Series};
-use crate::run::meshes::{DEFAULT_SMOOTHING, RunMesher, scene_of};
+use crate::run::meshes::{MeshOptions, Resolution, RunMesher, scene_of};
 use crate::scene::resolved::Body;
 use crate::surface::check::check;
 
@@ -48,7 +48,8 @@ pub(super) fn volume(arguments: &VolumeArguments, messages: &Messages) -> anyhow
     } else {
         arguments.organ.clone()
     };
-    let mut mesher = RunMesher::new(reader, &names, DEFAULT_SMOOTHING)?;
+    let mut mesher =
+        RunMesher::new(reader, &names, &MeshOptions { resolution: Resolution::Lattice, ..MeshOptions::default() })?;
     // The mesher gives the organs in the order of the scene.
     let mut organs: Vec<Curves> = (0..)
         .zip(&scene.organs)

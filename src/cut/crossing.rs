@@ -31,29 +31,34 @@ pub struct Crossing {
 
 /// A box in lattice axes [m].
 #[derive(Debug, Clone, Copy)]
-struct Bounds {
+pub(super) struct Bounds {
     min: Vector3,
     max: Vector3,
 }
 
 impl Bounds {
-    const EMPTY: Self =
+    pub(super) const EMPTY: Self =
         Self { min: Vector3::new(f64::MAX, f64::MAX, f64::MAX), max: Vector3::new(f64::MIN, f64::MIN, f64::MIN) };
 
-    fn include(&mut self, point: Vector3) {
+    pub(super) fn include(&mut self, point: Vector3) {
         self.min = self.min.inf(&point);
         self.max = self.max.sup(&point);
     }
 
-    fn joined(self, other: Self) -> Self {
+    pub(super) fn joined(self, other: Self) -> Self {
         Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
     }
 
-    fn meets(&self, other: &Self) -> bool {
+    /// Whether a point lies in the box widened by a margin [m].
+    pub(super) fn holds(&self, point: Vector3, margin: f64) -> bool {
+        (0..3).all(|axis| self.min[axis] - margin <= point[axis] && point[axis] <= self.max[axis] + margin)
+    }
+
+    pub(super) fn meets(&self, other: &Self) -> bool {
         (0..3).all(|axis| self.min[axis] <= other.max[axis] && other.min[axis] <= self.max[axis])
     }
 
-    fn of(piece: &Piece, margin: f64) -> Self {
+    pub(super) fn of(piece: &Piece, margin: f64) -> Self {
         let mut bounds = Self::EMPTY;
         let corner = piece.origin.coords;
         for point in [corner, corner + piece.side, corner + piece.stroke, corner + piece.side + piece.stroke] {
@@ -137,7 +142,12 @@ pub fn crossings(
 }
 
 /// Bounds of a block's particles: its box at rest, widened by the smallest and largest displacement in it.
-fn block_bounds(lattice: &Lattice, layout: &BlockLayout, displacement: &[Vec<f32>; 3], block: usize) -> Bounds {
+pub(super) fn block_bounds(
+    lattice: &Lattice,
+    layout: &BlockLayout,
+    displacement: &[Vec<f32>; 3],
+    block: usize,
+) -> Bounds {
     let mut bounds = Bounds::EMPTY;
     for axis in 0..3 {
         let slots = &displacement[axis][block * BLOCK_LEN..(block + 1) * BLOCK_LEN];

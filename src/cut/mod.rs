@@ -8,6 +8,9 @@
 
 mod blade;
 mod crossing;
+mod sheet;
 
 pub use blade::{Blade, Piece, Sweep};
 pub use crossing::{Crossing, crossings};
+pub use sheet::CutSheet;
+pub(crate) use sheet::{SheetRecorder, Tissue};

@@ -7,7 +7,7 @@ use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
 use super::stable_dt::Limits;
 use super::volume::{CellScratch, CellVolumes};
-use crate::cut::{Sweep, crossings};
+use crate::cut::{Crossing, CutSheet, SheetRecorder, Sweep, Tissue, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
 use crate::kernel::halo::gather;
 use crate::kernel::rows::StepConstants;
@@ -117,6 +117,8 @@ pub struct World {
     since: (f64, u64),
     /// Largest squared speed of each block in the last step [m^2/s^2].
     fastest_squared: Vec<f32>,
+    /// Where blades went, at rest.
+    sheet: SheetRecorder,
 }
 
 impl World {
@@ -158,6 +160,7 @@ impl World {
             steps: 0,
             since: (0.0, 0),
             fastest_squared: vec![0.0; layout.blocks.len()],
+            sheet: SheetRecorder::default(),
             lattice,
             topology,
             assembly,
@@ -484,27 +487,27 @@ impl World {
     /// Sweeps a blade through the lattice as it stands now and severs every spring the edge passes through; returns how
     /// many.
     pub fn cut(&mut self, sweep: &Sweep) -> usize {
-        let found = self.crossings(&self.displacement, sweep);
-        self.sever(found)
+        self.pass(None, sweep)
     }
 
     /// The same while the particles moved, along straight lines, from where they were to where they are now.
     pub fn cut_since(&mut self, before: &Moment, sweep: &Sweep) -> usize {
-        let found = self.crossings(&before.displacement, sweep);
-        self.sever(found)
+        self.pass(Some(before), sweep)
     }
 
-    fn crossings(&self, before: &[Vec<f32>; 3], sweep: &Sweep) -> Vec<SeveredSpring> {
-        let time = self.time();
-        crossings(&self.lattice, &self.layout, &self.topology, before, &self.displacement, sweep)
-            .into_iter()
-            .map(|crossing| SeveredSpring {
-                particle: crossing.particle,
-                direction: crossing.direction,
-                at: crossing.at,
-                time,
-            })
-            .collect()
+    /// Where blades have gone so far, as it lies at rest.
+    pub fn cut_sheet(&self) -> &CutSheet {
+        self.sheet.sheet()
+    }
+
+    fn pass(&mut self, before: Option<&Moment>, sweep: &Sweep) -> usize {
+        let (time, now) = (self.time(), &self.displacement);
+        let before = before.map_or(now, |moment| &moment.displacement);
+        let found = crossings(&self.lattice, &self.layout, &self.topology, before, now, sweep);
+        let tissue = Tissue { lattice: &self.lattice, layout: &self.layout, before, now };
+        self.sheet.record(&tissue, sweep, &found, time);
+        let severed = |c: Crossing| SeveredSpring { particle: c.particle, direction: c.direction, at: c.at, time };
+        self.sever(found.into_iter().map(severed))
     }
 
     /// Severs the given springs; returns how many of them were alive.

@@ -1,15 +1,18 @@
 //! From stored frames back to surfaces: one closed mesh per organ, carried by the lattice. Where organs touch, each keeps its own
 //! wall, set back by a few thousandths of a pitch, so that meshes of several organs stay manifold when vertices are welded.
 
+use crate::cut::CutSheet;
 use crate::dynamics::World;
 use crate::dynamics::measure::organ_volume;
 use crate::lattice::{Lattice, Topology};
-use crate::scene::resolved::{Body, Scene, VoxelSelection};
+use crate::scene::resolved::{self, Scene, VoxelSelection};
 use crate::store::{ReadRunError, RunReader};
 use crate::surface::check::check;
-use crate::surface::mesh::{Finish, OrganMesh};
+use crate::surface::fine::{Body, FineSurface};
+use crate::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 use crate::surface::{Surface, SurfaceError, field};
 
+use super::bodies::{Bodies, BodyError};
 use super::record::HU_ARRAY;
 
 /// Smoothing of label maps before the surface is drawn, in passes of the binomial filter.
@@ -40,6 +43,9 @@ pub enum MeshRunError {
         /// Why.
         source: SurfaceError,
     },
+    /// The organs cannot be drawn from their volume.
+    #[error(transparent)]
+    Body(#[from] BodyError),
     /// No organ of this name.
     #[error("the run has no organ `{found}`; it has {}", expected.join(", "))]
     UnknownOrgan {
@@ -50,47 +56,110 @@ pub enum MeshRunError {
     },
 }
 
+/// How fine the surfaces of a run are.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Resolution {
+    /// As fine as the volume the run was made from.
+    #[default]
+    Volume,
+    /// Sampled at this distance [mm].
+    Spacing(f64),
+    /// As fine as the lattice: needs nothing but the run.
+    Lattice,
+}
+
+/// How the surfaces of a run are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshOptions {
+    /// How fine they are.
+    pub resolution: Resolution,
+    /// Passes of the binomial filter over the membership of organs chosen by label; 0 keeps the voxels' staircases. Organs chosen
+    /// by HU are drawn through the values of the CT.
+    pub smoothing: usize,
+}
+
+impl Default for MeshOptions {
+    fn default() -> Self {
+        Self { resolution: Resolution::default(), smoothing: DEFAULT_SMOOTHING }
+    }
+}
+
 /// Makes the meshes of a run's frames.
 ///
 /// Meshes do not depend on which other organs are asked for. Topology is extracted once for every set of severed springs; each further frame only moves the vertices.
 pub struct RunMesher {
     reader: RunReader,
     scene: Scene,
-    /// Organs to mesh: index in the scene and values at the lattice points.
-    organs: Vec<(usize, Vec<f32>)>,
-    /// Surfaces for this many severed springs.
-    epoch: Option<(usize, Vec<Surface>)>,
+    /// Organs to mesh: index in the scene, and what their surface is drawn from.
+    organs: Vec<(usize, Shape)>,
+    /// Surfaces for this many severed springs and quads of the cut sheet.
+    epoch: Option<([usize; 2], Vec<OrganSurface>)>,
+}
+
+/// What the surface of an organ is drawn from.
+enum Shape {
+    /// Values at the lattice points.
+    Lattice(Vec<f32>),
+    /// A finer grid.
+    Fine(Body),
+}
+
+/// The surface of an organ until the next cut.
+enum OrganSurface {
+    Lattice(Surface),
+    Fine(FineSurface),
+}
+
+impl OrganSurface {
+    fn carry(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> TriangleMesh {
+        match self {
+            Self::Lattice(surface) => surface.carry(lattice, displacements),
+            Self::Fine(surface) => surface.carry(lattice, displacements),
+        }
+    }
+
+    fn on_seam(&self) -> Vec<bool> {
+        match self {
+            Self::Lattice(surface) => surface.on_seam().collect(),
+            Self::Fine(surface) => surface.on_seam().collect(),
+        }
+    }
 }
 
 impl RunMesher {
     /// Prepares the meshes of some organs of a run, or of all when none is named.
     ///
-    /// - `smoothing`: passes of the binomial filter over the membership of organs chosen by label; 0 keeps the voxels'
-    ///   staircases. Organs chosen by HU are drawn through the values of the CT.
-    ///
     /// # Errors
-    /// If the run cannot be read or an organ's name is unknown.
-    pub fn new(reader: RunReader, names: &[String], smoothing: usize) -> Result<Self, MeshRunError> {
+    /// If the run cannot be read, an organ's name is unknown, or the volume of the run is needed and not there any more.
+    pub fn new(reader: RunReader, names: &[String], options: &MeshOptions) -> Result<Self, MeshRunError> {
         let scene = scene_of(&reader)?;
         let all = || scene.organs.iter().map(|organ| organ.name.clone()).collect::<Vec<_>>();
         if let Some(found) = names.iter().find(|name| !all().contains(name)) {
             return Err(MeshRunError::UnknownOrgan { found: found.clone(), expected: all() });
         }
-        let lattice = reader.lattice();
-        let hu = scene
-            .organs
-            .iter()
-            .any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }))
-            .then(|| reader.extra_f32(HU_ARRAY))
-            .transpose()?;
-        let organs = (0..scene.organs.len())
-            .filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name))
-            .map(|organ| {
+        let wanted =
+            (0..scene.organs.len()).filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name));
+        let organs = match options.resolution {
+            Resolution::Lattice => {
+                let by_hu = scene.organs.iter().any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }));
+                let hu = by_hu.then(|| reader.extra_f32(HU_ARRAY)).transpose()?;
                 let hu = hu.as_ref().map(|hu| hu.values.as_slice());
-                let values = values_of(&scene, organ, lattice, hu, smoothing);
-                (organ, values)
-            })
-            .collect();
+                let values = |organ| values_of(&scene, organ, reader.lattice(), hu, options.smoothing);
+                wanted.map(|organ| (organ, Shape::Lattice(values(organ)))).collect()
+            }
+            Resolution::Volume | Resolution::Spacing(_) => {
+                let bodies = Bodies::of_run(&reader, &scene)?;
+                let spacing = match options.resolution {
+                    Resolution::Spacing(spacing) => spacing,
+                    _ => bodies.spacing(),
+                };
+                let shape = |organ| {
+                    let body = bodies.body(&scene, organ, spacing, options.smoothing)?;
+                    Ok((organ, Shape::Fine(body)))
+                };
+                wanted.map(shape).collect::<Result<_, MeshRunError>>()?
+            }
+        };
         Ok(Self { reader, scene, organs, epoch: None })
     }
 
@@ -113,10 +182,11 @@ impl RunMesher {
     /// Never: surfaces are extracted before they are used.
     pub fn frame(&mut self, number: usize) -> Result<(f64, Vec<OrganMesh>), MeshRunError> {
         let frame = self.reader.frame(number)?;
-        let severed = frame.topology.severed().len();
-        if self.epoch.as_ref().is_none_or(|(count, _)| *count != severed) {
-            let surfaces = self.extract(&frame.topology)?;
-            self.epoch = Some((severed, surfaces));
+        let cuts = self.reader.cut_sheet(number)?;
+        let parted = [frame.topology.severed().len(), cuts.quads.len()];
+        if self.epoch.as_ref().is_none_or(|(known, _)| *known != parted) {
+            let surfaces = self.extract(&frame.topology, &cuts)?;
+            self.epoch = Some((parted, surfaces));
         }
         let (_, surfaces) = self.epoch.as_ref().expect("extracted above");
         let meshes = self
@@ -133,15 +203,21 @@ impl RunMesher {
         Ok((frame.time_s, meshes))
     }
 
-    fn extract(&self, topology: &Topology) -> Result<Vec<Surface>, MeshRunError> {
+    /// Whether each vertex of the meshes given last lies on a face of a cut; one list per organ, empty before the first frame.
+    pub fn on_cut(&self) -> Vec<Vec<bool>> {
+        self.epoch.iter().flat_map(|(_, surfaces)| surfaces.iter().map(OrganSurface::on_seam)).collect()
+    }
+
+    fn extract(&self, topology: &Topology, cuts: &CutSheet) -> Result<Vec<OrganSurface>, MeshRunError> {
         let lattice: &Lattice = self.reader.lattice();
-        self.organs
-            .iter()
-            .map(|(organ, values)| {
-                Surface::extract(lattice, topology, values)
-                    .map_err(|source| MeshRunError::Surface { organ: self.scene.organs[*organ].name.clone(), source })
-            })
-            .collect()
+        let surface = |(organ, shape): &(usize, Shape)| {
+            match shape {
+                Shape::Lattice(values) => Surface::extract(lattice, topology, values).map(OrganSurface::Lattice),
+                Shape::Fine(body) => FineSurface::extract(body, lattice, topology, cuts).map(OrganSurface::Fine),
+            }
+            .map_err(|source| MeshRunError::Surface { organ: self.scene.organs[*organ].name.clone(), source })
+        };
+        self.organs.iter().map(surface).collect()
     }
 }
 
@@ -203,7 +279,7 @@ pub fn organ_volumes(world: &World, scene: &Scene, hu: Option<&[f32]>) -> Result
     let (lattice, topology) = (world.lattice(), world.topology());
     let whole = Topology::new(lattice);
     let moved = world.displacements_mm();
-    let soft = |organ: &usize| !matches!(scene.organs[*organ].body, Body::Rigid { .. });
+    let soft = |organ: &usize| !matches!(scene.organs[*organ].body, resolved::Body::Rigid { .. });
     (0..scene.organs.len())
         .filter(soft)
         .map(|organ| {
@@ -233,8 +309,8 @@ pub fn scene_of(reader: &RunReader) -> Result<Scene, MeshRunError> {
 }
 
 /// Bone is dry, everything soft is wet.
-fn finish_of(body: &Body) -> Finish {
-    if matches!(body, Body::Rigid { .. }) { Finish::Dry } else { Finish::Wet }
+fn finish_of(body: &resolved::Body) -> Finish {
+    if matches!(body, resolved::Body::Rigid { .. }) { Finish::Dry } else { Finish::Wet }
 }
 
 /// The label that stands for an organ's tissue in files: its first, or 1 when it was chosen by HU.

@@ -7,6 +7,7 @@
 //! [`drive`] hands every frame to an [`drive::Observer`]; [`record`] is one that keeps them in a run directory. [`meshes`]
 //! goes on from there: from stored frames to surfaces.
 
+pub mod bodies;
 pub mod drive;
 pub mod estimate;
 pub mod inputs;

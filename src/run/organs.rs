@@ -54,7 +54,7 @@ fn voxels_of(organs: &LabelVolume, organ: u16) -> usize {
 }
 
 /// Organ number plus 1 of each voxel of the scene's volume; 0 where there is none.
-fn native_organs(scene: &Scene, inputs: &Inputs) -> Result<LabelVolume, PrepareError> {
+pub(super) fn native_organs(scene: &Scene, inputs: &Inputs) -> Result<LabelVolume, PrepareError> {
     let grid = match (&inputs.labels, &inputs.image) {
         (Some(labels), _) => *labels.grid(),
         (None, Some(image)) => *image.grid(),

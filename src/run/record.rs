@@ -246,6 +246,7 @@ impl Observer for Recorder {
         if let Some(&(name, _, value)) = values.iter().find(|(_, _, value)| !value.is_finite()) {
             return Err(WriteRunError::SeriesNotFinite { name: name.to_owned(), row: frame.number as usize, value });
         }
+        self.writer.push_cuts(world.cut_sheet())?;
         self.writer.push_frame(FrameData {
             time_s: world.time(),
             step: world.steps(),

@@ -247,15 +247,16 @@ impl<T: Number> Growing<T> {
         &self.spec
     }
 
-    /// Appends rows (of one number each); returns the chunks to write.
+    /// Appends whole rows; returns the chunks to write.
     pub(super) fn append(&mut self, mut values: &[T]) -> Vec<Pending> {
         let mut files = Vec::new();
+        let full = self.spec.rows_per_chunk * self.spec.row_len();
         while !values.is_empty() {
-            let (now, later) = values.split_at(values.len().min(self.spec.rows_per_chunk - self.tail.len()));
+            let (now, later) = values.split_at(values.len().min(full - self.tail.len()));
             self.tail.extend(now);
             files.push(self.spec.chunk(self.rows / self.spec.rows_per_chunk, &self.tail));
-            self.rows += now.len();
-            if self.tail.len() == self.spec.rows_per_chunk {
+            self.rows += now.len() / self.spec.row_len();
+            if self.tail.len() == full {
                 self.tail.clear();
             }
             values = later;

@@ -97,6 +97,20 @@ pub enum WriteRunError {
         /// Springs of the frame before.
         before: usize,
     },
+    /// Cuts are taken back.
+    #[error("a cut sheet of {found} quads given, but there were {before} already and cuts do not heal")]
+    SheetChanged {
+        /// Quads given.
+        found: usize,
+        /// Quads given before.
+        before: usize,
+    },
+    /// A vertex of a cut sheet is NaN or infinite.
+    #[error("vertex {vertex} of the cut sheet is not finite; the state has diverged")]
+    SheetNotFinite {
+        /// Number of the vertex.
+        vertex: usize,
+    },
     /// A name that cannot be a folder everywhere.
     #[error("{name:?} cannot name a series or an array; use 1 to 64 of a-z, 0-9 and _")]
     BadName {

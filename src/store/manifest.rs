@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 /// What `format` says in every manifest.
 pub(super) const FORMAT: &str = "yawara-run";
 /// Version of the layout this program writes and reads.
-pub(super) const FORMAT_VERSION: u32 = 2;
+pub(super) const FORMAT_VERSION: u32 = 3;
 
 /// The program that wrote a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

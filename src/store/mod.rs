@@ -13,9 +13,11 @@
 //!     frames/            displacement [frames, n, 3] mm RAS+, one chunk per frame · time [frames] s
 //!                        step [frames] · severed_count [frames]
 //!     severed/           particle · direction · at · time, in the order of severing
+//!     cuts/              where blades went, at rest: vertex [n, 3] mm RAS+ · quad [m, 4] · time [m] s, ascending
 //!     series/NAME        growing lists of numbers
 //! ```
-//! The springs of frame `i` are those of `lattice/springs` less the first `severed_count[i]` of `severed/`.
+//! The springs of frame `i` are those of `lattice/springs` less the first `severed_count[i]` of `severed/`; of the cuts it has
+//! the quads whose time is not after its own.
 //!
 //! A run appears whole: [`RunWriter::create`] builds it under another name beside and renames it. Every file is written
 //! under a temporary name, synced and renamed, and a frame counts only when the length of `displacement` says so, which

@@ -9,6 +9,7 @@ use super::ARRAYS;
 use super::array::{Number, Spec, read_json};
 use super::error::ReadRunError;
 use super::manifest::{self, Manifest, Status};
+use crate::cut::CutSheet;
 use crate::geometry::{Affine, Grid, GridShape, Matrix4};
 use crate::lattice::build::NO_ORGAN;
 use crate::lattice::neighbours::{ALL_ALIVE, NEIGHBOURS, opposite};
@@ -214,6 +215,30 @@ impl RunReader {
         let spring =
             |n: usize| SeveredSpring { particle: particle[n], direction: direction[n], at: at[n], time: time[n] };
         Ok((0..count).map(spring).collect())
+    }
+
+    /// Where blades had gone by a frame, as it lies at rest.
+    ///
+    /// # Errors
+    /// If there is no such frame, or the lists are damaged or do not belong together.
+    pub fn cut_sheet(&self, index: usize) -> Result<CutSheet, ReadRunError> {
+        self.check(index)?;
+        let folder = self.path.join(ARRAYS).join("cuts");
+        let inconsistent = |name: &str, message| ReadRunError::Inconsistent { path: folder.join(name), message };
+        let (vertex, vertices) = Spec::<f32>::open(folder.join("vertex"))?;
+        let (quad, quads) = Spec::<u32>::open(folder.join("quad"))?;
+        if vertex.row() != [3] || quad.row() != [4] {
+            return Err(inconsistent("quad", format!("rows of {:?}, expected 4 corners", quad.row())));
+        }
+        let times: Vec<f64> = read_list(folder.join("time"), quads)?;
+        let count = times.partition_point(|&time| time <= self.time[index]);
+        let vertices = vertex.read(vertices)?.as_chunks::<3>().0.to_vec();
+        let quads = quad.read(count)?.as_chunks::<4>().0.to_vec();
+        if let Some(at) = quads.iter().position(|quad| quad.iter().any(|&v| v as usize >= vertices.len())) {
+            let message = format!("quad {at} is {:?}, but there are {} vertices", quads[at], vertices.len());
+            return Err(inconsistent("quad", message));
+        }
+        Ok(CutSheet { vertices, quads, times: times[..count].to_vec() })
     }
 
     /// Names of the series, sorted.

@@ -12,6 +12,7 @@ use super::array::{self, GROWING_ROWS, Growing, Number, Pending, Spec};
 use super::error::WriteRunError;
 use super::manifest::{self, InputFile, Manifest, Program, Status};
 use super::{ARRAYS, codec, place};
+use crate::cut::CutSheet;
 use crate::lattice::{Lattice, SeveredSpring};
 use crate::scene::resolved::Model;
 
@@ -143,7 +144,8 @@ impl RunWriter {
         let root = at.join(ARRAYS);
         files.push(array::group(&root, json!({ "format": manifest::FORMAT, "space": "RAS+" })));
         files.extend(
-            ["lattice", "extra", "frames", "severed", "series"].map(|name| array::group(&root.join(name), json!({}))),
+            ["lattice", "extra", "frames", "severed", "cuts", "series"]
+                .map(|name| array::group(&root.join(name), json!({}))),
         );
         files.extend(lattice_files(&root.join("lattice"), lattice));
         for extra in extras {
@@ -212,14 +214,36 @@ impl RunWriter {
         chunks.extend(arrays.time.append(&[frame.time_s]));
         chunks.extend(arrays.step.append(&[frame.step]));
         chunks.extend(arrays.severed_count.append(&[severed.len() as u64]));
-        for (path, bytes) in chunks {
-            self.staged_bytes += bytes.len();
-            self.staged.insert(path, bytes);
-        }
+        self.stage(chunks);
         if self.committed.elapsed() >= COMMIT_INTERVAL || self.staged_bytes >= MOST_STAGED {
             self.commit()
         } else {
             Ok(())
+        }
+    }
+
+    /// Adds what a sheet has gained since it was last given, for the frames to come.
+    ///
+    /// # Errors
+    /// If it is shorter than before, or a vertex is not finite.
+    pub fn push_cuts(&mut self, sheet: &CutSheet) -> Result<(), WriteRunError> {
+        let lists = &self.arrays.cuts;
+        let (vertices, quads) = (lists.vertex.rows(), lists.quad.rows());
+        if sheet.vertices.len() < vertices || sheet.quads.len() < quads {
+            return Err(WriteRunError::SheetChanged { found: sheet.quads.len(), before: quads });
+        }
+        if let Some(vertex) = sheet.vertices[vertices..].iter().position(|v| v.iter().any(|c| !c.is_finite())) {
+            return Err(WriteRunError::SheetNotFinite { vertex: vertices + vertex });
+        }
+        let chunks = self.arrays.cuts.append(sheet);
+        self.stage(chunks);
+        Ok(())
+    }
+
+    fn stage(&mut self, chunks: Vec<Pending>) {
+        for (path, bytes) in chunks {
+            self.staged_bytes += bytes.len();
+            self.staged.insert(path, bytes);
         }
     }
 
@@ -310,6 +334,15 @@ struct Arrays {
     step: Growing<u64>,
     severed_count: Growing<u64>,
     severed: Severed,
+    cuts: Cuts,
+}
+
+/// The three lists of a cut sheet.
+#[derive(Debug)]
+struct Cuts {
+    vertex: Growing<f32>,
+    quad: Growing<u32>,
+    time: Growing<f64>,
 }
 
 /// The four lists of severed springs.
@@ -350,6 +383,7 @@ impl Arrays {
                 time: list(severed.join("time"), "spring", "s", "when it was severed"),
                 last: None,
             },
+            cuts: Cuts::new(&root.join("cuts")),
         }
     }
 
@@ -364,7 +398,29 @@ impl Arrays {
             self.time.metadata(),
             self.step.metadata(),
             self.severed_count.metadata(),
+            self.cuts.vertex.metadata(),
+            self.cuts.quad.metadata(),
+            self.cuts.time.metadata(),
         ]
+    }
+}
+
+impl Cuts {
+    fn new(folder: &Path) -> Self {
+        let vertex = Spec::new(folder.join("vertex"), &[3], GROWING_ROWS, &["vertex", "axis"]);
+        let vertex = vertex.unit("mm").about("where a blade went, at rest, RAS+");
+        let quad = Spec::new(folder.join("quad"), &[4], GROWING_ROWS, &["quad", "corner"]);
+        let quad = quad.unit("1").about("corners, in order round it");
+        let time = list(folder.join("time"), "quad", "s", "when the blade had passed it");
+        Self { vertex: Growing::new(vertex), quad: Growing::new(quad), time }
+    }
+
+    fn append(&mut self, sheet: &CutSheet) -> Vec<Pending> {
+        let (vertices, quads) = (self.vertex.rows(), self.quad.rows());
+        let mut files = self.vertex.append(bytemuck::cast_slice(&sheet.vertices[vertices..]));
+        files.extend(self.quad.append(bytemuck::cast_slice(&sheet.quads[quads..])));
+        files.extend(self.time.append(&sheet.times[quads..]));
+        files
     }
 }
 

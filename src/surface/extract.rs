@@ -36,6 +36,13 @@ impl Surface {
     /// # Errors
     /// If the field has not one value per grid point, or the surface would need more than 2^32 vertices or triangles.
     pub fn extract(lattice: &Lattice, topology: &Topology, field: &[f32]) -> Result<Self, SurfaceError> {
+        let mut surface = Self::extract_places(lattice, topology, field)?;
+        add_gradients(&mut surface.embedding, lattice, topology.alive());
+        Ok(surface)
+    }
+
+    /// [`Surface::extract`] for what does not carry the surface itself: topology and rest places only.
+    pub(crate) fn extract_places(lattice: &Lattice, topology: &Topology, field: &[f32]) -> Result<Self, SurfaceError> {
         let shape = lattice.grid.shape;
         if field.len() != shape.len() {
             return Err(SurfaceError::FieldLength { found: field.len(), expected: shape.len(), shape });
@@ -57,7 +64,6 @@ impl Surface {
             .zip(&numbering.centres)
             .flat_map(|(cell, &first)| (0..cell.patch.centres.len() as u32).map(move |rank| first + rank));
         add_centres(&mut embedding, centres, &drawn.triangles);
-        add_gradients(&mut embedding, lattice, topology.alive());
         Ok(Self {
             embedding,
             triangles: drawn.triangles,
@@ -86,6 +92,33 @@ impl Surface {
     /// Whether each vertex lies on a face of a cut (its rim included) rather than on the skin.
     pub fn on_seam(&self) -> impl ExactSizeIterator<Item = bool> + '_ {
         self.embedding.vertices.iter().map(|vertex| vertex.sheet != Sheet::Skin)
+    }
+
+    /// The sheets each vertex belongs to.
+    pub(crate) fn sheets(&self) -> impl ExactSizeIterator<Item = Sheet> + '_ {
+        self.embedding.vertices.iter().map(|vertex| vertex.sheet)
+    }
+
+    /// A particle on the inside of each vertex and on its side of every cut.
+    pub(crate) fn anchors(&self) -> Vec<u32> {
+        let embedding = &self.embedding;
+        let of = |vertex: &Vertex| match vertex.carrier {
+            Carrier::Between { from, .. } => from,
+            Carrier::Beyond { particle, .. } => particle,
+            Carrier::Front { index } => embedding.fronts[index as usize].particles[0],
+            Carrier::Rim { index } => embedding.rims[index as usize].particle,
+            Carrier::Centre { .. } => 0,
+        };
+        let mut anchors: Vec<u32> = embedding.vertices.iter().map(of).collect();
+        for (centre, ring) in &embedding.centres {
+            anchors[*centre as usize] = anchors[ring[0] as usize];
+        }
+        anchors
+    }
+
+    /// The triangles, and the centres of loops with the vertices of each loop.
+    pub(crate) fn into_triangles_and_centres(self) -> (Vec<[u32; 3]>, Vec<(u32, Vec<u32>)>) {
+        (self.triangles, self.embedding.centres)
     }
 
     /// Rest place of each vertex, RAS+ [mm].

@@ -288,6 +288,14 @@ fn keep_sign(mut field: Vec<f32>, membership: &[f32], floors: &[f32], rebound: f
     field
 }
 
+/// So many passes of (1 2 1)/4 along x, y and z over a membership of +1 and -1; beyond the grid is -1.
+pub(crate) fn binomial_passes(shape: GridShape, mut field: Vec<f32>, passes: usize) -> Vec<f32> {
+    for _ in 0..passes {
+        field = binomial(shape, &field, -1.0);
+    }
+    field
+}
+
 /// One pass of (1 2 1)/4 along x, y and z; `beyond` is the value outside the grid.
 fn binomial(shape: GridShape, field: &[f32], beyond: f32) -> Vec<f32> {
     let GridShape { nx, ny, nz } = shape;

@@ -4,6 +4,7 @@
 //! field      a value per grid point, above zero in tissue
 //! extract    once per cut epoch: crossings -> triangles, and for each vertex the particles that carry it
 //! carry      once per frame: displacements of the particles -> a TriangleMesh
+//! fine       the same from the CT at its own resolution, carried by a coarser lattice
 //! check      is a mesh closed, manifold, oriented; its area, volume and parts
 //! ```
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
@@ -13,6 +14,7 @@ pub mod check;
 mod embed;
 mod extract;
 pub mod field;
+pub mod fine;
 pub(crate) mod gradient;
 mod junction;
 mod marching_cubes;

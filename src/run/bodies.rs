@@ -1,0 +1,129 @@
+//! The organs of a run on the grid of their own volume, or a finer one: what a surface finer than the lattice is drawn from.
+
+use rayon::prelude::*;
+
+use crate::geometry::Grid;
+use crate::lattice::build::BuildLatticeError;
+use crate::scene::resolved::{Scene, VoxelSelection};
+use crate::store::{InputFile, RunReader};
+use crate::surface::field;
+use crate::surface::fine::Body;
+use crate::volume::{CtVolume, LabelVolume, ResampleError, VoxelBox, grid_with_spacing};
+
+use super::inputs::{InputError, Inputs, load_volume};
+use super::organs::native_organs;
+use super::prepare::PrepareError;
+
+/// Voxels around an organ that its field is drawn with: smoothing reaches so far.
+const MARGIN: usize = 4;
+
+/// Why the organs of a run cannot be taken from its volume again.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BodyError {
+    /// The volume cannot be read any more.
+    #[error("the volume of the run cannot be read again: {0}; put it back, or ask for the surface of the lattice")]
+    Input(#[from] InputError),
+    /// The volume is another one now.
+    #[error(
+        "{}: the file has changed since the run was made from it (SHA-256 {found}, the run has {expected}); put the old one \
+         back, run the scene again, or ask for the surface of the lattice",
+        path.display()
+    )]
+    Changed {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Its checksum now.
+        found: String,
+        /// The checksum in the run's manifest.
+        expected: String,
+    },
+    /// The organs cannot be chosen.
+    #[error(transparent)]
+    Organs(#[from] PrepareError),
+    /// The spacing asked for cannot be had.
+    #[error("spacing of the surface: {0}")]
+    Spacing(#[from] ResampleError),
+    /// Nothing is left of an organ.
+    #[error("organ `{organ}`: {source}")]
+    Body {
+        /// The organ.
+        organ: String,
+        /// Why.
+        source: BuildLatticeError,
+    },
+}
+
+/// Where the surfaces of organs are sampled.
+pub struct Bodies {
+    inputs: Inputs,
+    /// Organ number plus 1 of each voxel.
+    organs: LabelVolume,
+}
+
+impl Bodies {
+    /// Reads the volume of a run again and makes sure that it is the same.
+    ///
+    /// # Errors
+    /// If it is missing, damaged, or not the one the run was made from.
+    pub fn of_run(reader: &RunReader, scene: &Scene) -> Result<Self, BodyError> {
+        let inputs = load_volume(&scene.volume)?;
+        inputs.files.iter().try_for_each(|file| same_file(file, &reader.manifest().inputs))?;
+        let organs = native_organs(scene, &inputs)?;
+        Ok(Self { inputs, organs })
+    }
+
+    /// Shortest edge of a voxel [mm].
+    pub fn spacing(&self) -> f64 {
+        self.organs.grid().affine.spacing().into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The body of an organ, sampled at a spacing [mm].
+    ///
+    /// # Errors
+    /// If the spacing is no length or too fine, or nothing is left of the organ.
+    pub fn body(&self, scene: &Scene, organ: usize, spacing: f64, smoothing: usize) -> Result<Body, BodyError> {
+        let number = organ as u16 + 1;
+        let name = || scene.organs[organ].name.clone();
+        let part = self.organs.bounding_box(|&voxel| voxel == number);
+        let part: VoxelBox = part.ok_or_else(|| BodyError::Body { organ: name(), source: BuildLatticeError::Empty })?;
+        let part = part.grown([MARGIN; 3], self.organs.shape());
+        let organs = self.organs.crop(&part);
+        let field = match (&scene.organs[organ].voxels, &self.inputs.image) {
+            (VoxelSelection::Hu { min, max }, Some(image)) => {
+                let values = image.crop(&part).as_slice().iter().map(|&hu| (hu - min).min(max - hu)).collect();
+                CtVolume::from_vec(*organs.grid(), values)
+            }
+            _ => {
+                let values = organs.as_slice().iter().map(|&voxel| if voxel == number { 1.0 } else { -1.0 }).collect();
+                CtVolume::from_vec(*organs.grid(), field::binomial_passes(organs.shape(), values, smoothing))
+            }
+        };
+        let grid = cubes(organs.grid(), spacing)?;
+        let values = if grid == *organs.grid() {
+            field.as_slice().to_vec()
+        } else {
+            (0..grid.shape.len()).into_par_iter().map(|point| field.sample(grid.place(point), -1.0)).collect()
+        };
+        Body::new(grid, values).map_err(|source| BodyError::Body { organ: name(), source })
+    }
+}
+
+/// The same box in cubes of an edge [mm]; the grid itself when its voxels are such cubes.
+fn cubes(grid: &Grid, edge: f64) -> Result<Grid, ResampleError> {
+    /// Spacings that differ by less than this, relative, count as equal: headers store them as f32.
+    const SAME: f64 = 1e-4;
+    let same = grid.affine.spacing().iter().all(|spacing| (spacing / edge - 1.0).abs() < SAME);
+    if same { Ok(*grid) } else { grid_with_spacing(grid, [edge; 3]) }
+}
+
+fn same_file(file: &InputFile, known: &[InputFile]) -> Result<(), BodyError> {
+    match known.iter().find(|known| known.path == file.path) {
+        Some(known) if known.sha256 != file.sha256 => Err(BodyError::Changed {
+            path: file.path.clone(),
+            found: file.sha256.clone(),
+            expected: known.sha256.clone(),
+        }),
+        _ => Ok(()),
+    }
+}
