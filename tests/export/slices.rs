@@ -10,7 +10,7 @@ use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use yawara::lattice::{Lattice, SeveredSpring, Topology};
 use yawara::slice::contour::contour;
 use yawara::slice::deformed::{Carried, InverseMap};
-use yawara::slice::{Raster, SliceAxis, SlicePicture, SlicePlane, Tint};
+use yawara::slice::{Plane, Raster, SliceAxis, SlicePicture, SlicePlane, Tint};
 use yawara::surface::mesh::TriangleMesh;
 use yawara::volume::{CtVolume, LabelVolume};
 
@@ -101,7 +101,7 @@ fn the_contour_of_a_ball_is_a_circle() {
     }
     for axis in AXES {
         for offset in [0.0, 7.0, -20.0] {
-            let segments = contour(&ball, axis, center[axis.index()] + offset);
+            let segments = contour(&ball, &Plane::across(axis, center[axis.index()] + offset));
             let expected = (radius * radius - offset * offset).sqrt();
             let length: f64 = segments.iter().map(|[a, b]| (a - b).norm()).sum();
             assert!((length / (std::f64::consts::TAU * expected) - 1.0).abs() < 2e-3, "{axis} {offset}: {length}");
@@ -124,7 +124,7 @@ fn the_contour_is_drawn_where_the_tissue_ends() {
     let contours: [(&TriangleMesh, [f32; 3]); 1] = [(&organ.mesh, [0.0, 1.0, 0.0])];
     let picture = SlicePicture { contours: &contours, annotate: false, ..SlicePicture::of_ct(&ct) };
     let picture = picture.draw(&raster).unwrap();
-    let segments = contour(&organ.mesh, SliceAxis::Z, 5.0);
+    let segments = contour(&organ.mesh, &Plane::across(SliceAxis::Z, 5.0));
     assert!(segments.len() > 50);
     for [a, b] in &segments {
         let [x, y] = raster.pixel_of(nalgebra::center(a, b)).map(|at| at.round() as u32);
