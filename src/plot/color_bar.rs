@@ -33,7 +33,7 @@ impl ColorBar {
             let y = top + row as f64;
             canvas.fill([left, y], [left + size[0], y + 1.0], srgb(self.colormap.rgb(share as f32)), 1.0);
         }
-        let wanted = (size[1] / (2.5 * text)).max(2.0) as usize;
+        let wanted = (size[1] / (1.6 * text)).max(2.0) as usize;
         let ticks = ticks::linear(low, high, wanted, false);
         let right = left + size[0];
         for (value, label) in &ticks.major {

@@ -240,21 +240,25 @@ fn tinted(color: Color, grey: u8) -> Color {
 fn annotate(canvas: &mut Canvas, raster: &Raster) {
     let [width, height] = canvas.size();
     let Some(text) = text_height(canvas) else { return };
-    let mut write =
-        |letters: &str, place: [f64; 2], align: Align| canvas.outlined(letters, place, text, align, [INK, SHADE]);
+    let mut write = |letters: &str, place: [f64; 2], text: f64, align: Align| {
+        canvas.outlined(letters, place, text, align, [INK, SHADE]);
+    };
     let margin = 0.4 * text;
     let [left, right, top, bottom] = raster.letters();
-    write(&left, [margin, height / 2.0], Align::Left);
-    write(&right, [width - margin, height / 2.0], Align::Right);
-    write(&top, [width / 2.0, margin + 0.5 * text], Align::Center);
-    write(&bottom, [width / 2.0, height - margin - 0.5 * text], Align::Center);
-    write(&raster.plane.to_string(), [margin, margin + 0.5 * text], Align::Left);
+    write(&left, [margin, height / 2.0], text, Align::Left);
+    write(&right, [width - margin, height / 2.0], text, Align::Right);
+    write(&top, [width / 2.0, margin + 0.5 * text], text, Align::Center);
+    write(&bottom, [width / 2.0, height - margin - 0.5 * text], text, Align::Center);
+    let caption = raster.plane.to_string();
+    // As large as fits beside the letters in the middle: a character is half as wide as high.
+    let room = 2.0 * (0.5 * width - 3.0 * text) / caption.chars().count() as f64;
+    write(&caption, [margin, margin + 0.5 * text], text.min(room), Align::Left);
 
     let bar_mm = bar_length(0.3 * width * raster.pixel_mm());
     let bar = bar_mm / raster.pixel_mm();
     let (start, middle) =
         ([width - 2.0 * margin - bar, height - 2.0 * margin], [width - 2.0 * margin - bar / 2.0, 0.0]);
-    write(&format!("{bar_mm} mm"), [middle[0], start[1] - 0.8 * text], Align::Center);
+    write(&format!("{bar_mm} mm"), [middle[0], start[1] - 0.8 * text], text, Align::Center);
     let thick = (text / 7.0).max(2.0);
     canvas.fill([start[0] - 1.0, start[1] - thick - 1.0], [start[0] + bar + 1.0, start[1] + 1.0], SHADE, 1.0);
     canvas.fill([start[0], start[1] - thick], [start[0] + bar, start[1]], INK, 1.0);
