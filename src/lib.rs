@@ -30,6 +30,7 @@
 //! | [`surface`] | cut-aware marching cubes, carrying, checking |
 //! | [`look`] | colour: from values to linear RGB |
 //! | [`slice`] | a plane of a volume, at rest or carried by the lattice |
+//! | [`render`] | pictures of surfaces and of the lattice, drawn without a graphics card |
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
 //! | [`verify`] | what the program promises, tried out |
@@ -117,6 +118,8 @@ pub mod surface;
 pub mod look;
 
 pub mod slice;
+
+pub mod render;
 
 pub mod plot;
 pub mod run;

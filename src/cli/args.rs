@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::paint::PaintArguments;
+use super::surface::SurfaceArguments;
 use crate::look::colormap::Colormap;
-use crate::run::meshes::{DEFAULT_SMOOTHING, Resolution};
 use crate::slice::SliceAxis;
 
 /// Turns a CT volume into a soft organ that can be pushed, pulled and cut, and gives back surfaces.
@@ -36,6 +37,7 @@ pub(super) enum Command {
     Run(RunArguments),
     Mesh(MeshArguments),
     Slice(SliceArguments),
+    Render(super::render_arguments::RenderArguments),
     Volume(VolumeArguments),
     Phantom(PhantomArguments),
     Info(InfoArguments),
@@ -102,35 +104,13 @@ pub(super) struct MeshArguments {
     /// Organ to write, by its name in the scene; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     pub(super) organ: Vec<String>,
-    /// Passes of smoothing over the label map before the surface is drawn, 0 to 20; 0 keeps its staircases.
-    #[arg(long, default_value_t = DEFAULT_SMOOTHING, value_name = "N",
-          value_parser = RangedU64ValueParser::<usize>::new().range(0..=20))]
-    pub(super) smooth: usize,
-    /// How fine the surface is: `volume` (the voxels of the CT), `lattice`, or the distance of its points [mm].
-    #[arg(long, default_value = "volume", value_name = "volume|lattice|MM", allow_negative_numbers = true)]
-    pub(super) resolution: ResolutionChoice,
+    #[command(flatten)]
+    pub(super) surface: SurfaceArguments,
     /// Write STL as text.
     #[arg(long)]
     pub(super) ascii: bool,
-}
-
-/// How fine a surface is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ResolutionChoice(pub(super) Resolution);
-
-impl std::str::FromStr for ResolutionChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let spacing = |text: &str| text.parse().ok().filter(|mm: &f64| mm.is_finite() && *mm > 0.0);
-        match text {
-            "volume" => Ok(Self(Resolution::Volume)),
-            "lattice" => Ok(Self(Resolution::Lattice)),
-            number => spacing(number).map(|mm| Self(Resolution::Spacing(mm))).ok_or_else(|| {
-                format!("`{number}` is no resolution; expected `volume`, `lattice` or a length in mm above 0")
-            }),
-        }
-    }
+    #[command(flatten)]
+    pub(super) paint: PaintArguments,
 }
 
 /// Which frames of a run.
@@ -246,6 +226,8 @@ pub(super) enum SliceColor {
     Label,
     /// How far the tissue has moved from rest [mm].
     Displacement,
+    /// Equivalent strain of the tissue.
+    Strain,
 }
 
 /// Reads `X,Y,Z`.
@@ -408,6 +390,8 @@ pub(super) enum BenchCommand {
     Lattice(BenchLatticeArguments),
     /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
     Surface(BenchSurfaceArguments),
+    /// A picture of a bumpy ball, all but reading and writing files.
+    Render(BenchRenderArguments),
 }
 
 #[derive(Debug, Args)]
@@ -430,6 +414,26 @@ pub(super) struct BenchSurfaceArguments {
     /// Grid points along each edge, 2 to 1024.
     #[arg(long, default_value_t = 256)]
     pub(super) n: usize,
+    /// Values of another field: raw little-endian f32, n^3 of them, x fastest; the surface is where they pass through 0.
+    #[arg(long, value_name = "FILE")]
+    pub(super) raw: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench render --triangles 1000000 --size 1920x1080")]
+pub(super) struct BenchRenderArguments {
+    /// Triangles of the ball, about; 1000 to 20000000.
+    #[arg(long, default_value_t = 1_000_000)]
+    pub(super) triangles: usize,
+    /// Width and height of the picture [px], sides from 16 to 8192.
+    #[arg(long, default_value = "1920x1080", value_name = "WxH", value_parser = super::render_arguments::size)]
+    pub(super) size: [u32; 2],
+    /// Write the picture, too (PNG).
+    #[arg(long, short, value_name = "FILE")]
+    pub(super) output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

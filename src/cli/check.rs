@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 
 use super::args::CheckArguments;
 use super::exit::Outcome;
-use super::mesh::mesher;
 use super::messages::{Messages, out};
 use super::progress;
 use super::source::Source;
-use crate::io::gltf::GlbReader;
+use super::surface::mesher;
+use crate::io::gltf::GltfReader;
 use crate::io::mesh_format::MeshFormat;
 use crate::run::meshes::MeshOptions;
 use crate::surface::check::{MeshReport, check as examine};
@@ -42,8 +42,8 @@ fn of_mesh(path: &Path, format: MeshFormat) -> anyhow::Result<Checked> {
     let report = |frame, organs: Vec<OrganMesh>| {
         organs.into_iter().map(move |organ| (frame, organ.name, examine(&organ.mesh))).collect::<Vec<_>>()
     };
-    if format == MeshFormat::Glb {
-        let mut reader = GlbReader::open(path)?;
+    if matches!(format, MeshFormat::Glb | MeshFormat::Gltf) {
+        let mut reader = GltfReader::open(path)?;
         let frames = reader.frames();
         let mut checked = Vec::new();
         for frame in 0..frames {

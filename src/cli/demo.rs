@@ -6,8 +6,9 @@ use anyhow::{Context, bail};
 
 use super::args::{AxisChoice, DemoArguments, FrameChoice};
 use super::exit::Outcome;
-use super::mesh::{mesher, write};
+use super::mesh::write;
 use super::messages::{Messages, out};
+use super::surface::mesher;
 use super::{run, slice};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
 use crate::run::label_lookup::Files;
@@ -44,7 +45,7 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
         let mut mesher = mesher(&run, organs, &MeshOptions::default(), messages)?;
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
-        write(&mut mesher, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;
+        write(&mut mesher, None, &frames, &MeshOutput::new(&path, format, frames.len())?, format, messages)?;
         Ok(())
     };
     mesh(ANIMATION, &[], true)?;

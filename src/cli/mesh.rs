@@ -7,11 +7,14 @@ use anyhow::bail;
 use super::args::{FrameChoice, MeshArguments};
 use super::exit::Outcome;
 use super::messages::{Messages, out};
+use super::paint::frame;
 use super::progress;
 use super::source::Source;
-use crate::io::gltf::AnimatedGlbWriter;
+use super::surface::mesher;
+use crate::io::gltf::{Precision, StepAnimationWriter};
 use crate::io::mesh_format::{MeshFormat, MeshOutput};
-use crate::run::meshes::{MeshOptions, MeshRunError, Resolution, RunMesher};
+use crate::run::meshes::RunMesher;
+use crate::run::paint::Painter;
 use crate::store::RunReader;
 use crate::surface::mesh::OrganMesh;
 
@@ -20,11 +23,11 @@ pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Re
     if arguments.ascii {
         format = format.ascii()?;
     }
-    let options = MeshOptions { resolution: arguments.resolution.0, smoothing: arguments.smooth };
-    let mut mesher = mesher(&arguments.run, &arguments.organ, &options, messages)?;
+    let mut mesher = mesher(&arguments.run, &arguments.organ, &arguments.surface.options(), messages)?;
     let frames = frames(arguments.frame, mesher.reader())?;
     let output = MeshOutput::new(&arguments.output, format, frames.len())?;
-    for path in write(&mut mesher, &frames, &output, format, messages)? {
+    let painter = arguments.paint.painter(&mesher, messages)?;
+    for path in write(&mut mesher, painter.as_ref(), &frames, &output, format, messages)? {
         out(&path.display().to_string())?;
     }
     Ok(Outcome::Done)
@@ -41,23 +44,6 @@ pub(super) fn open(path: &Path, messages: &Messages) -> anyhow::Result<RunReader
         messages.warning(warning);
     }
     Ok(reader)
-}
-
-/// Opens a run for its surfaces. Those of its volume's resolution fall back on the lattice's when the volume is not to be had.
-pub(super) fn mesher(
-    run: &Path,
-    organs: &[String],
-    options: &MeshOptions,
-    messages: &Messages,
-) -> anyhow::Result<RunMesher> {
-    match RunMesher::new(open(run, messages)?, organs, options) {
-        Err(MeshRunError::Body(error)) if options.resolution == Resolution::Volume => {
-            messages.warning(format_args!("{error}; its surfaces are drawn at the resolution of the lattice instead"));
-            let options = MeshOptions { resolution: Resolution::Lattice, ..*options };
-            Ok(RunMesher::new(RunReader::open(run)?, organs, &options)?)
-        }
-        result => Ok(result?),
-    }
 }
 
 /// Numbers of the frames that are asked for.
@@ -77,6 +63,7 @@ pub(super) fn frames(choice: FrameChoice, reader: &RunReader) -> anyhow::Result<
 /// Writes frames and returns the paths written.
 pub(super) fn write(
     mesher: &mut RunMesher,
+    painter: Option<&Painter>,
     frames: &[usize],
     output: &MeshOutput,
     format: MeshFormat,
@@ -87,13 +74,13 @@ pub(super) fn write(
     let mut written = Vec::new();
     match output {
         MeshOutput::File(path) => {
-            let (_, meshes) = mesher.frame(frames[0])?;
+            let (_, meshes) = frame(mesher, painter, frames[0])?;
             write_one(format, path, &meshes)?;
             written.push(path.clone());
         }
         MeshOutput::Sequence(pattern) => {
             for &number in frames {
-                let (_, meshes) = mesher.frame(number)?;
+                let (_, meshes) = frame(mesher, painter, number)?;
                 let path = pattern.path(number, last);
                 write_one(format, &path, &meshes)?;
                 written.push(path);
@@ -101,9 +88,9 @@ pub(super) fn write(
             }
         }
         MeshOutput::Animation(path) => {
-            let mut animation = AnimatedGlbWriter::create(path)?;
+            let mut animation = StepAnimationWriter::create(path, Precision::Float)?;
             for &number in frames {
-                let (time, meshes) = mesher.frame(number)?;
+                let (time, meshes) = frame(mesher, painter, number)?;
                 animation.push_frame(time, &meshes)?;
                 bar.inc(1);
             }

@@ -12,13 +12,17 @@ mod facts;
 mod info;
 mod mesh;
 mod messages;
+mod paint;
 mod phantom;
 mod progress;
+mod render;
+mod render_arguments;
 mod run;
 mod scene;
 mod scene_facts;
 mod slice;
 mod source;
+mod surface;
 mod verify;
 mod volume;
 
@@ -59,6 +63,7 @@ fn dispatch(command: Command, messages: &Messages) -> anyhow::Result<Outcome> {
         Command::Run(arguments) => run::run(&arguments, messages),
         Command::Mesh(arguments) => mesh::mesh(&arguments, messages),
         Command::Slice(arguments) => slice::slice(&arguments, messages),
+        Command::Render(arguments) => render::render(&arguments, messages),
         Command::Verify(arguments) => verify::verify(&arguments, messages),
         Command::Volume(arguments) => volume::volume(&arguments, messages),
         Command::Phantom(arguments) => phantom::phantom(&arguments),

@@ -15,7 +15,9 @@ use crate::geometry::{Grid, Point3, Vector3};
 use crate::io::mesh_format::FramePattern;
 use crate::io::nifti::{read_ct, read_info, read_labels};
 use crate::io::png::write_png;
+use crate::lattice::Lattice;
 use crate::look::colormap::{Colormap, label_color};
+use crate::look::strain::equivalent_strains;
 use crate::plot::color_bar::ColorBar;
 use crate::run::inputs;
 use crate::run::meshes::{MeshOptions, RunMesher};
@@ -43,8 +45,8 @@ pub(super) fn slice(arguments: &SliceArguments, messages: &Messages) -> anyhow::
 }
 
 fn of_volume(arguments: &SliceArguments) -> anyhow::Result<Vec<PathBuf>> {
-    if arguments.color == SliceColor::Displacement {
-        bail!("--color displacement goes with a run directory; a volume does not move");
+    if is_value(arguments.color) {
+        bail!("--color displacement and strain go with a run directory; a volume does not move");
     }
     let own = || label_map(&arguments.source, &read_info(&arguments.source)?);
     let (ct, labels) = match &arguments.labels {
@@ -74,8 +76,8 @@ fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<Vec
     if arguments.labels.is_some() {
         bail!("--labels goes with a volume; a run brings its own label map");
     }
-    if arguments.rest && arguments.color == SliceColor::Displacement {
-        bail!("--color displacement shows where tissue has gone to; leave out --rest");
+    if arguments.rest && is_value(arguments.color) {
+        bail!("--color displacement and strain show tissue that has moved; leave out --rest");
     }
     let pattern = FramePattern::parse(&arguments.output)?;
     let reader = open(&arguments.source, messages)?;
@@ -133,10 +135,7 @@ impl SlicedRun {
         }
         let (image, labels) = (volumes.image, volumes.labels);
         let rasters = rasters(arguments, grid_of(arguments, &image, &labels)?)?;
-        let bar = match arguments.color {
-            SliceColor::Displacement => Some(displacement_bar(arguments, mesher.reader(), numbers)?),
-            _ => None,
-        };
+        let bar = is_value(arguments.color).then(|| color_bar(arguments, mesher.reader(), numbers)).transpose()?;
         let rest = mesher.frame(0)?.1;
         let rest_sections = rasters.iter().map(|raster| section(&rest, raster)).collect();
         Ok(Self { mesher, image, labels, rasters, rest, rest_sections, bar })
@@ -158,11 +157,12 @@ impl SlicedRun {
             None => "at rest".to_owned(),
         };
         let list: Vec<(&str, [f32; 3])> = meshes.iter().map(|organ| (organ.name.as_str(), organ.color)).collect();
-        let lengths = frame.as_ref().filter(|_| self.bar.is_some()).map(lengths);
+        let values = frame.as_ref().filter(|_| self.bar.is_some());
+        let values = values.map(|frame| values_of(arguments.color, self.mesher.reader().lattice(), frame));
         let map = frame.as_ref().map(|frame| {
             let map = InverseMap::new(self.mesher.reader().lattice(), &frame.topology, &frame.displacements_mm);
-            match &lengths {
-                Some(lengths) => map.with_values(lengths),
+            match &values {
+                Some(values) => map.with_values(values),
                 None => map,
             }
         });
@@ -199,26 +199,36 @@ fn section(meshes: &[OrganMesh], raster: &Raster) -> Section {
     Section::new(&meshes.iter().map(|organ| &organ.mesh).collect::<Vec<_>>(), raster)
 }
 
-/// How far each particle has moved [mm].
-fn lengths(frame: &Frame) -> Vec<f32> {
+/// Whether colours show a value of the particles.
+fn is_value(color: SliceColor) -> bool {
+    matches!(color, SliceColor::Displacement | SliceColor::Strain)
+}
+
+/// What the colours show of each particle.
+fn values_of(color: SliceColor, lattice: &Lattice, frame: &Frame) -> Vec<f32> {
+    if color == SliceColor::Strain {
+        return equivalent_strains(lattice, &frame.topology, &frame.displacements_mm);
+    }
     let length = |[x, y, z]: &[f32; 3]| (x * x + y * y + z * z).sqrt();
     frame.displacements_mm.iter().map(length).collect()
 }
 
-/// The range that holds the displacements of all frames that are drawn, unless one is given.
-fn displacement_bar(arguments: &SliceArguments, reader: &RunReader, numbers: &[usize]) -> anyhow::Result<ColorBar> {
+/// The range that holds the values of all frames that are drawn, unless one is given.
+fn color_bar(arguments: &SliceArguments, reader: &RunReader, numbers: &[usize]) -> anyhow::Result<ColorBar> {
     let range = match arguments.range {
         Some(range) => range,
         None => {
             let mut most = 0.0_f32;
             for &number in numbers {
-                most = lengths(&reader.frame(number)?).into_iter().fold(most, f32::max);
+                let values = values_of(arguments.color, reader.lattice(), &reader.frame(number)?);
+                most = values.into_iter().fold(most, f32::max);
             }
             // Where nothing has moved any range will do.
             [0.0, if most > 0.0 && most.is_finite() { most } else { 1.0 }]
         }
     };
-    Ok(ColorBar { colormap: arguments.colormap, range, title: "displacement [mm]".to_owned() })
+    let title = if arguments.color == SliceColor::Strain { "equivalent strain" } else { "displacement [mm]" };
+    Ok(ColorBar { colormap: arguments.colormap, range, title: title.to_owned() })
 }
 
 /// A picture of what there is: the CT, else the labels.

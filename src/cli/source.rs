@@ -42,11 +42,14 @@ impl Source {
     pub(super) fn refuse(self, path: &Path, wanted: &str) -> anyhow::Error {
         let path = path.display();
         let (found, next) = match self {
-            Self::Run => {
-                ("a folder", "for a run folder see `yawara info`, `mesh`, `slice`, `volume` and `check`".to_owned())
-            }
+            Self::Run => (
+                "a folder",
+                "for a run folder see `yawara info`, `mesh`, `render`, `slice`, `volume` and `check`".to_owned(),
+            ),
             Self::Scene => ("a scene", format!("`yawara run {path}` makes a run of it")),
-            Self::Mesh(_) => ("a mesh", format!("see `yawara info {path}` or `yawara check {path}`")),
+            Self::Mesh(_) => {
+                ("a mesh", format!("see `yawara info {path}`, `yawara check {path}` or `yawara render {path}`"))
+            }
             Self::Volume => {
                 ("not one by its name", "name a volume as volume.image or volume.labels of a scene".to_owned())
             }

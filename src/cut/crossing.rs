@@ -32,8 +32,8 @@ pub struct Crossing {
 /// A box in lattice axes [m].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
-    min: Vector3,
-    max: Vector3,
+    pub(super) min: Vector3,
+    pub(super) max: Vector3,
 }
 
 impl Bounds {
@@ -49,9 +49,9 @@ impl Bounds {
         Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
     }
 
-    /// Whether a point lies in the box widened by a margin [m].
-    pub(super) fn holds(&self, point: Vector3, margin: f64) -> bool {
-        (0..3).all(|axis| self.min[axis] - margin <= point[axis] && point[axis] <= self.max[axis] + margin)
+    /// Distance of a point from the box [m]; 0 inside.
+    pub(super) fn distance(&self, point: Vector3) -> f64 {
+        (self.min - point).sup(&(point - self.max)).sup(&Vector3::zeros()).norm()
     }
 
     pub(super) fn meets(&self, other: &Self) -> bool {

@@ -6,7 +6,7 @@
 //! two edges in turn        quads between them, at rest
 //! ```
 //! Severed springs tell at the lattice's resolution what a blade parted; the sheet tells where it passed in between. It is
-//! recorded where the blade meets tissue, and up to one cell beyond, so that it reaches through the skin; and only where
+//! recorded where the blade meets tissue, and up to two cells beyond, so that it reaches through the skin; and only where
 //! springs are severed about the same time, so that a blade that goes through an open cut again leaves nothing there.
 //!
 //! Not guaranteed: that every severed spring passes through the sheet. Where tissue is stretched over more than a few
@@ -30,13 +30,14 @@ const STEP: f64 = 0.5;
 const SAME: f64 = 0.02;
 /// A quad wider than this at rest joins places that do not belong together [pitches].
 const WIDEST: f64 = 2.5;
-/// How far beyond a cell a point still takes its place from it [cells].
-const REACH: f64 = 1.0;
+/// How far beyond a cell a point still takes its place from it [cells]: the skin of an organ whose voxels are particles lies up
+/// to a diagonal beyond the last cell.
+const REACH: f64 = 2.0;
 /// No place at rest.
 const NOWHERE: u32 = u32::MAX;
-/// A quad belongs to a cut when a spring within one cell of it is severed at most so many tests before or after: blades are
-/// tested every eighth of a pitch, and springs reach over one.
-const NEAR_TESTS: u64 = 32;
+/// A quad belongs to a cut when a spring within one cell of it is severed in the same test, or while the blade goes so far
+/// [pitches]: springs reach over one, diagonals of cells over nearly two.
+const NEAR: f64 = 4.0;
 /// An edge is looked at this often within one test at most.
 const MOST_EDGES: f64 = 4096.0;
 
@@ -56,12 +57,26 @@ pub struct CutSheet {
 pub(crate) struct SheetRecorder {
     sheet: CutSheet,
     open: Vec<Edge>,
-    /// Number of the present test.
-    test: u64,
+    /// The present test.
+    test: Test,
     /// Quads no spring near was severed for yet: test, cell, corners.
-    pending: VecDeque<(u64, [i64; 3], [u32; 4])>,
+    pending: VecDeque<(Test, [i64; 3], [u32; 4])>,
     /// Last test in which a spring was severed in each cell.
-    severed: HashMap<[i64; 3], u64>,
+    severed: HashMap<[i64; 3], Test>,
+}
+
+/// One test of a blade: the way of all blades through tissue before it and after it [pitches].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Test {
+    number: u64,
+    before: f64,
+    after: f64,
+}
+
+impl Test {
+    fn is_near(&self, other: &Self) -> bool {
+        self.number == other.number || self.after.max(other.after) - self.before.min(other.before) <= NEAR
+    }
 }
 
 /// Points of an edge with their vertices in the sheet.
@@ -88,32 +103,37 @@ impl SheetRecorder {
 
     /// Goes on by one test of a blade, which ends at `time` [s] and finds these springs.
     pub(crate) fn record(&mut self, tissue: &Tissue<'_>, sweep: &Sweep, found: &[Crossing], time: f64) {
-        self.test += 1;
+        let pieces: Vec<(Cells<'_>, &Piece)> =
+            sweep.pieces.iter().map(|piece| (Cells::near(tissue, piece), piece)).collect();
+        let way = |(cells, piece): &(Cells<'_>, &Piece)| cells.way(piece) / tissue.lattice.pitch;
+        let Test { number, after, .. } = self.test;
+        let longest = pieces.iter().map(way).fold(0.0, f64::max);
+        self.test = Test { number: number + 1, before: after, after: after + longest };
         for crossing in found {
             let low = tissue.lattice.ijk(crossing.particle).map(|i| i as f64);
             let offset = neighbours::OFFSETS[usize::from(crossing.direction)].map(f64::from);
             let place = Vector3::from(low) + Vector3::from(offset) * f64::from(crossing.at);
             self.severed.insert(cell_of(place), self.test);
         }
-        for piece in &sweep.pieces {
-            self.record_piece(tissue, piece);
+        for (cells, piece) in &pieces {
+            self.record_piece(cells, piece);
         }
         self.confirm(time);
     }
 
     /// Takes the pending quads that springs were severed for into the sheet, and gives up those that have waited long.
     fn confirm(&mut self, time: f64) {
-        let near = |cell: [i64; 3], test: u64| {
+        let near = |cell: [i64; 3], test: Test| {
             (0..27).any(|step| {
                 let around = [0, 1, 2].map(|axis| cell[axis] + step / [1, 3, 9][axis] % 3 - 1);
-                self.severed.get(&around).is_some_and(|&severed| severed.abs_diff(test) <= NEAR_TESTS)
+                self.severed.get(&around).is_some_and(|severed| severed.is_near(&test))
             })
         };
         let (mut quads, mut waiting) = (Vec::new(), VecDeque::new());
         for (test, cell, quad) in self.pending.drain(..) {
             if near(cell, test) {
                 quads.push(quad);
-            } else if self.test - test < NEAR_TESTS {
+            } else if self.test.is_near(&test) {
                 waiting.push_back((test, cell, quad));
             }
         }
@@ -122,30 +142,28 @@ impl SheetRecorder {
         self.pending = waiting;
     }
 
-    fn record_piece(&mut self, tissue: &Tissue<'_>, piece: &Piece) {
-        let pitch = tissue.lattice.pitch;
-        let points = (piece.side.norm() / (STEP * pitch)).ceil().clamp(1.0, MOST_EDGES) as usize + 1;
-        let cells = Cells::near(tissue, piece);
-        let way = piece.stroke.norm() + cells.longest_move * (piece.during[1] - piece.during[0]);
-        let edges = (way / (STEP * pitch)).ceil().clamp(1.0, MOST_EDGES) as usize;
+    fn record_piece(&mut self, cells: &Cells<'_>, piece: &Piece) {
         if cells.list.is_empty() {
             return;
         }
+        let lattice = cells.tissue.lattice;
+        let points = (piece.side.norm() / (STEP * lattice.pitch)).ceil().clamp(1.0, MOST_EDGES) as usize + 1;
+        let edges = (cells.way(piece) / (STEP * lattice.pitch)).ceil().clamp(1.0, MOST_EDGES) as usize;
         let places = |edge: usize| -> Vec<Option<Vector3>> {
             let share = edge as f64 / edges as f64;
-            let moved = cells.at(piece.during[0] + share * (piece.during[1] - piece.during[0]));
+            let moment = piece.during[0] + share * (piece.during[1] - piece.during[0]);
             let origin = piece.origin.coords + share * piece.stroke;
             let point = |n: usize| origin + piece.side * (n as f64 / (points - 1) as f64);
-            (0..points).into_par_iter().map(|n| moved.rest_of(point(n))).collect()
+            (0..points).into_par_iter().map(|n| cells.rest_of(point(n), moment)).collect()
         };
-        let mut last = self.begin(tissue.lattice, piece, places(0));
+        let mut last = self.begin(lattice, piece, places(0));
         for edge in 1..=edges {
             let places = places(edge);
-            if self.stays(tissue.lattice, &last, &places) {
+            if self.stays(lattice, &last, &places) {
                 continue;
             }
-            let vertices = self.add(tissue.lattice, &places);
-            self.join(tissue.lattice, &last, &vertices);
+            let vertices = self.add(lattice, &places);
+            self.join(lattice, &last, &vertices);
             last = vertices;
         }
         self.open.push(Edge { origin: piece.origin + piece.stroke, side: piece.side, vertices: last });
@@ -217,14 +235,23 @@ struct Cells<'a> {
     tissue: &'a Tissue<'a>,
     /// Lowest corner (i, j, k) and the particles of the corners, x fastest.
     list: Vec<([usize; 3], [u32; 8])>,
+    /// Box of each cell, from the beginning to the end of the test.
+    bounds: Vec<Bounds>,
+    /// Those whose box, from the beginning to the end of the test, meets each cube of a pitch.
+    buckets: HashMap<[i64; 3], Vec<u32>>,
     /// Largest distance that one of their corners moves during the whole test [m].
     longest_move: f64,
 }
 
+/// So many cells nearest to a place are asked, when none holds it.
+const MOST_NEAR: usize = 8;
+/// A cell over more cubes than this is stretched too far to say where a place in it was at rest.
+const MOST_CUBES: i64 = 4096;
+
 impl<'a> Cells<'a> {
     fn near(tissue: &'a Tissue<'a>, piece: &Piece) -> Self {
         let Tissue { lattice, layout, .. } = *tissue;
-        let reach = Bounds::of(piece, 2.0 * lattice.pitch);
+        let reach = Bounds::of(piece, 2.0 * REACH * lattice.pitch);
         let list: Vec<_> = (0..layout.blocks.len())
             .into_par_iter()
             .flat_map_iter(|block| {
@@ -244,18 +271,43 @@ impl<'a> Cells<'a> {
                 })
             })
             .collect();
-        let cells = Self { tissue, list, longest_move: 0.0 };
-        let meets = |&(ijk, corners): &([usize; 3], [u32; 8])| {
-            let mut bounds = Bounds::EMPTY;
-            for share in [0.0, 1.0] {
-                cells.corner_places(ijk, corners, share).into_iter().for_each(|place| bounds.include(place));
+        let mut cells = Self { tissue, list, bounds: Vec::new(), buckets: HashMap::new(), longest_move: 0.0 };
+        let boxed: Vec<([usize; 3], [u32; 8], Bounds)> = cells
+            .list
+            .par_iter()
+            .map(|&(ijk, corners)| {
+                let mut bounds = Bounds::EMPTY;
+                for share in [0.0, 1.0] {
+                    cells.corner_places(ijk, corners, share).into_iter().for_each(|place| bounds.include(place));
+                }
+                (ijk, corners, bounds)
+            })
+            .filter(|(.., bounds)| reach.meets(bounds))
+            .collect();
+        for (number, (.., bounds)) in (0..).zip(&boxed) {
+            let [low, high] = [bounds.min, bounds.max].map(|corner| cells.bucket_of(corner));
+            let cubes: i64 = (0..3).map(|axis| (high[axis] - low[axis] + 1).min(MOST_CUBES)).product();
+            if cubes > MOST_CUBES {
+                continue;
             }
-            reach.meets(&bounds)
-        };
-        let list: Vec<_> = cells.list.par_iter().copied().filter(meets).collect();
+            for k in low[2]..=high[2] {
+                for j in low[1]..=high[1] {
+                    for i in low[0]..=high[0] {
+                        cells.buckets.entry([i, j, k]).or_default().push(number);
+                    }
+                }
+            }
+        }
         let moved = |&particle: &u32| (cells.displacement(particle, 1.0) - cells.displacement(particle, 0.0)).norm();
-        let longest_move = list.iter().flat_map(|(_, corners)| corners).map(moved).fold(0.0, f64::max);
-        Self { list, longest_move, ..cells }
+        let longest = boxed.iter().flat_map(|(_, corners, _)| corners).map(moved).fold(0.0, f64::max);
+        let (list, bounds) = boxed.into_iter().map(|(ijk, corners, bounds)| ((ijk, corners), bounds)).unzip();
+        Self { list, bounds, longest_move: longest, ..cells }
+    }
+
+    /// How far the piece goes through the tissue, at most [m]; 0 where there is none.
+    fn way(&self, piece: &Piece) -> f64 {
+        let shared = piece.during[1] - piece.during[0];
+        if self.list.is_empty() { 0.0 } else { piece.stroke.norm() + self.longest_move * shared }
     }
 
     /// Displacement of a particle at a share of the test [m].
@@ -273,45 +325,35 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// The cells as they are at a share of the test.
-    fn at(&self, share: f64) -> MovedCells {
-        let cells = self.list.par_iter().map(|&(ijk, corners)| {
-            let places = self.corner_places(ijk, corners, share);
-            let mut bounds = Bounds::EMPTY;
-            places.iter().for_each(|&place| bounds.include(place));
-            MovedCell { low: Vector3::from(ijk.map(|i| i as f64)), places, bounds }
-        });
-        MovedCells { cells: cells.collect(), pitch: self.tissue.lattice.pitch }
+    /// Index at rest of what is at a place at a share of the test [m]: from the first cell that holds it, else from the nearest
+    /// within reach.
+    fn rest_of(&self, place: Vector3, share: f64) -> Option<Vector3> {
+        let bucket = self.bucket_of(place);
+        let found = |number: &u32| {
+            let (ijk, corners) = self.list[*number as usize];
+            let local = local(&self.corner_places(ijk, corners, share), place)?;
+            Some((Vector3::from(ijk.map(|i| i as f64)), local))
+        };
+        let own = self.buckets.get(&bucket).into_iter().flatten();
+        if let Some((low, local)) = own.filter_map(found).find(|(_, local)| outside(local) <= 1e-9) {
+            return Some(low + local);
+        }
+        // Not inside any: the nearest cells by their boxes, and among them the one it is least outside of.
+        let around = (0..125).map(|step| [0, 1, 2].map(|axis| bucket[axis] + step / [1, 5, 25][axis] % 5 - 2));
+        let mut near: Vec<u32> = around.filter_map(|bucket| self.buckets.get(&bucket)).flatten().copied().collect();
+        near.sort_unstable();
+        near.dedup();
+        let mut near: Vec<(f64, u32)> =
+            near.into_iter().map(|number| (self.bounds[number as usize].distance(place), number)).collect();
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.truncate(MOST_NEAR);
+        let found = near.iter().filter_map(|(_, number)| found(number));
+        let (low, local) = found.min_by(|(_, a), (_, b)| outside(a).total_cmp(&outside(b)))?;
+        (outside(&local) <= REACH).then(|| low + local)
     }
-}
 
-struct MovedCell {
-    /// Index of the lowest corner.
-    low: Vector3,
-    /// Corners, x fastest [m].
-    places: [Vector3; 8],
-    bounds: Bounds,
-}
-
-struct MovedCells {
-    cells: Vec<MovedCell>,
-    pitch: f64,
-}
-
-impl MovedCells {
-    /// Index at rest of what is at a place now [m]: from the first cell that holds it, else from the nearest within reach.
-    fn rest_of(&self, place: Vector3) -> Option<Vector3> {
-        let holds = |cell: &MovedCell, margin: f64| cell.bounds.holds(place, margin);
-        let inside =
-            self.cells.iter().filter(|cell| holds(cell, 0.0)).find_map(|cell| {
-                cell.local(place).filter(|local| outside(local) <= 1e-9).map(|local| cell.low + local)
-            });
-        inside.or_else(|| {
-            let near = self.cells.iter().filter(|cell| holds(cell, REACH * self.pitch));
-            let found = near.filter_map(|cell| Some((cell, cell.local(place)?)));
-            let (cell, local) = found.min_by(|(_, a), (_, b)| outside(a).total_cmp(&outside(b)))?;
-            (outside(&local) <= REACH).then(|| cell.low + local)
-        })
+    fn bucket_of(&self, place: Vector3) -> [i64; 3] {
+        cell_of(place / self.tissue.lattice.pitch)
     }
 }
 
@@ -320,24 +362,23 @@ fn outside(local: &Vector3) -> f64 {
     local.iter().map(|&x| (-x).max(x - 1.0)).fold(f64::MIN, f64::max)
 }
 
-impl MovedCell {
-    /// Local coordinates of a place by Newton's method on the trilinear map; `None` where the cell is too deformed for it.
-    fn local(&self, place: Vector3) -> Option<Vector3> {
-        const STEPS: usize = 12;
-        let size = (self.places[7] - self.places[0]).norm();
-        let mut local = Vector3::repeat(0.5);
-        for _ in 0..STEPS {
-            let (value, gradient) = trilinear(&self.places, local);
-            let error = place - value;
-            if error.norm() <= 1e-9 * size {
-                return Some(local);
-            }
-            local += gradient.try_inverse()? * error;
-            // Beyond this the map is not the cell's any more.
-            local = local.map(|x| x.clamp(-1.0 - REACH, 2.0 + REACH));
+/// Local coordinates of a place in a cell of these corners, by Newton's method on the trilinear map; `None` where the cell is too
+/// deformed for it.
+fn local(corners: &[Vector3; 8], place: Vector3) -> Option<Vector3> {
+    const STEPS: usize = 12;
+    let size = (corners[7] - corners[0]).norm();
+    let mut local = Vector3::repeat(0.5);
+    for _ in 0..STEPS {
+        let (value, gradient) = trilinear(corners, local);
+        let error = place - value;
+        if error.norm() <= 1e-9 * size {
+            return Some(local);
         }
-        None
+        local += gradient.try_inverse()? * error;
+        // Beyond this the map is not the cell's any more.
+        local = local.map(|x| x.clamp(-1.0 - REACH, 2.0 + REACH));
     }
+    None
 }
 
 /// Value and gradient of the trilinear map of eight corners, x fastest.
@@ -368,15 +409,11 @@ mod tests {
         let shape = |x: Vector3| turn * (x + Vector3::new(0.1 * x.y * x.z, 0.3 * x.x, -0.2 * x.x * x.y));
         let places: [Vector3; 8] =
             std::array::from_fn(|corner| shape(Vector3::from([0, 1, 2].map(|axis| (corner >> axis & 1) as f64))));
-        let mut bounds = Bounds::EMPTY;
-        places.iter().for_each(|&place| bounds.include(place));
-        let low = Vector3::new(3.0, 4.0, 5.0);
-        let cells = MovedCells { cells: vec![MovedCell { low, places, bounds }], pitch: 1.0 };
-        for local in [Vector3::new(0.1, 0.7, 0.4), Vector3::new(1.3, 0.2, -0.1)] {
-            let (place, _) = trilinear(&places, local);
-            let found = cells.rest_of(place).unwrap();
-            assert!((found - low - local).norm() < 1e-8, "{found}");
+        for expected in [Vector3::new(0.1, 0.7, 0.4), Vector3::new(1.3, 0.2, -0.1)] {
+            let found = local(&places, trilinear(&places, expected).0).unwrap();
+            assert!((found - expected).norm() < 1e-8, "{found}");
+            assert!((outside(&found) - (expected.x - 1.0).max(-0.1)).abs() < 1e-8);
         }
-        assert_eq!(cells.rest_of(Vector3::repeat(9.0)), None);
+        assert_eq!(local(&[Vector3::zeros(); 8], Vector3::x()), None, "a cell pressed to a point");
     }
 }

@@ -3,7 +3,12 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::surface::mesh::OrganMesh;
+
+/// Vectors looked at by one task when values are checked.
+const FINITE_STRIDE: usize = 4096;
 
 /// Why a mesh was not written. Nothing is left at the path, or what was there before.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +74,7 @@ pub enum WriteMeshError {
         /// Which entry, from 0.
         at: usize,
         /// What it holds.
-        found: [f32; 3],
+        found: Vec<f32>,
     },
     /// More than the format can count.
     #[error("{}: {found} {what} are more than {format} can hold ({limit}); {advice}", path.display())]
@@ -181,29 +186,44 @@ pub(crate) fn check_organs(path: &Path, organs: &[OrganMesh]) -> Result<(), Writ
 pub(crate) fn check_organ(path: &Path, organ: &OrganMesh) -> Result<(), WriteMeshError> {
     let mesh = &organ.mesh;
     let vertices = mesh.positions.len();
-    let lengths =
-        [("normals", mesh.normals.len()), ("labels", mesh.labels.len()), ("displacements", mesh.displacements.len())];
+    let lengths = [
+        ("normals", mesh.normals.len()),
+        ("labels", mesh.labels.len()),
+        ("displacements", mesh.displacements.len()),
+        ("HU", mesh.hu.len()),
+        ("strains", mesh.strains.len()),
+        ("speeds", mesh.speeds.len()),
+        ("colors", mesh.colors.len()),
+    ];
     for (attribute, found) in lengths {
         if found != 0 && found != vertices {
             let (path, organ) = (path.to_path_buf(), organ.name.clone());
             return Err(WriteMeshError::AttributeLength { path, organ, attribute, found, expected: vertices });
         }
     }
-    for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        if let Some(&found) = corners.iter().find(|&&corner| corner as usize >= vertices) {
-            let (path, organ) = (path.to_path_buf(), organ.name.clone());
-            return Err(WriteMeshError::VertexIndex { path, organ, triangle, found, vertices });
-        }
+    let outside = |corners: &[u32; 3]| corners.iter().copied().find(|&corner| corner as usize >= vertices);
+    if let Some(triangle) = mesh.triangles.par_iter().position_first(|corners| outside(corners).is_some()) {
+        let (path, organ) = (path.to_path_buf(), organ.name.clone());
+        let found = outside(&mesh.triangles[triangle]).unwrap_or_default();
+        return Err(WriteMeshError::VertexIndex { path, organ, triangle, found, vertices });
     }
-    let arrays: [(&'static str, &[[f32; 3]]); 4] = [
+    let vectors: [(&'static str, &[[f32; 3]]); 5] = [
         ("vertex", &mesh.positions),
         ("normal", &mesh.normals),
         ("displacement", &mesh.displacements),
+        ("vertex colour", &mesh.colors),
         ("colour", std::slice::from_ref(&organ.color)),
     ];
-    for (what, array) in arrays {
-        if let Some((at, &found)) = array.iter().enumerate().find(|(_, v)| !v.iter().all(|c| c.is_finite())) {
-            let (path, organ) = (path.to_path_buf(), organ.name.clone());
+    let numbers: [(&'static str, &[f32]); 3] = [("HU", &mesh.hu), ("strain", &mesh.strains), ("speed", &mesh.speeds)];
+    let wrong = |values: &[f32]| !values.iter().all(|x| x.is_finite());
+    let vectors = vectors.into_iter().map(|(what, array)| (what, 3, array.as_flattened()));
+    for (what, parts, array) in vectors.chain(numbers.map(|(what, array)| (what, 1, array))) {
+        // Found first in large strides, which compile to wide instructions, then exactly.
+        let Some(stride) = array.par_chunks(3 * FINITE_STRIDE).position_first(wrong) else { continue };
+        let array = &array[3 * FINITE_STRIDE * stride..];
+        if let Some(at) = array.chunks(parts).position(wrong) {
+            let (path, organ, found) = (path.to_path_buf(), organ.name.clone(), array[at * parts..][..parts].to_vec());
+            let at = at + 3 * FINITE_STRIDE * stride / parts;
             return Err(WriteMeshError::NotFinite { path, organ, what, at, found });
         }
     }
@@ -236,6 +256,8 @@ mod tests {
             (message(|o| o.mesh.triangles.push([0, 1, 7])), vec!["liver", "triangle 1", "vertex 7", "3 vertices"]),
             (message(|o| o.mesh.positions[2][1] = f32::NAN), vec!["liver", "vertex 2", "NaN", "dt"]),
             (message(|o| o.color[0] = f32::INFINITY), vec!["colour", "inf"]),
+            (message(|o| o.mesh.speeds = vec![0.0, 1.0, f32::NAN]), vec!["speed 2", "[NaN]"]),
+            (message(|o| o.mesh.hu = vec![0.0]), vec!["1 HU for 3"]),
         ];
         for (message, parts) in cases {
             for part in parts {

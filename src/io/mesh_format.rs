@@ -7,7 +7,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use super::gltf::{GlbReader, write_glb};
+use super::gltf::{GltfReader, Precision, write_gltf};
 use super::mesh_error::{ReadMeshError, WriteMeshError};
 use super::{ply, stl};
 use crate::surface::mesh::{Finish, OrganMesh};
@@ -27,6 +27,8 @@ pub enum MeshFormat {
     Ply,
     /// Binary glTF 2.0: `.glb`.
     Glb,
+    /// glTF 2.0 as JSON with its buffer beside it: `.gltf` and `.bin`.
+    Gltf,
 }
 
 /// Why a path cannot name mesh files.
@@ -90,6 +92,7 @@ impl MeshFormat {
             Some("stl") => Ok(Self::Stl),
             Some("ply") => Ok(Self::Ply),
             Some("glb") => Ok(Self::Glb),
+            Some("gltf") => Ok(Self::Gltf),
             other => {
                 let found = other.map_or("missing".to_string(), |extension| format!("'.{extension}'"));
                 Err(MeshPathError::UnknownExtension { path: path.to_path_buf(), found })
@@ -117,12 +120,12 @@ impl MeshFormat {
             Self::Stl => stl::write_stl(path, organs),
             Self::StlAscii => stl::write_stl_ascii(path, organs),
             Self::Ply => ply::write_ply(path, organs),
-            Self::Glb => write_glb(path, organs),
+            Self::Glb | Self::Gltf => write_gltf(path, organs, Precision::Float),
         }
     }
 
     /// Reads a mesh file of this format: one mesh for STL and PLY, named after the file, and the organs of the first frame
-    /// for GLB ([`GlbReader`] gives every frame).
+    /// for GLB ([`GltfReader`] gives every frame).
     ///
     /// # Errors
     /// As the format's own reader.
@@ -130,7 +133,7 @@ impl MeshFormat {
         let mesh = match self {
             Self::Stl | Self::StlAscii => stl::read_stl(path)?,
             Self::Ply => ply::read_ply(path)?,
-            Self::Glb => return GlbReader::open(path)?.read_frame(0),
+            Self::Glb | Self::Gltf => return GltfReader::open(path)?.read_frame(0),
         };
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(vec![OrganMesh { name, color: [0.8; 3], finish: Finish::default(), mesh }])
@@ -144,6 +147,7 @@ impl fmt::Display for MeshFormat {
             Self::StlAscii => "ASCII STL",
             Self::Ply => "PLY",
             Self::Glb => "GLB",
+            Self::Gltf => "glTF (JSON)",
         })
     }
 }
@@ -218,7 +222,7 @@ impl MeshOutput {
         match (FramePattern::parse(path)?, format) {
             (Some(pattern), _) => Ok(Self::Sequence(pattern)),
             (None, _) if frames <= 1 => Ok(Self::File(path.to_path_buf())),
-            (None, MeshFormat::Glb) => Ok(Self::Animation(path.to_path_buf())),
+            (None, MeshFormat::Glb | MeshFormat::Gltf) => Ok(Self::Animation(path.to_path_buf())),
             (None, _) => {
                 let mut name = path.file_stem().unwrap_or_default().to_os_string();
                 name.push("_{frame}");

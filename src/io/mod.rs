@@ -1,6 +1,7 @@
 //! Files: one format per module. Nothing here simulates.
 
 pub mod atomic;
+mod encode;
 pub mod gltf;
 pub mod label_names;
 pub mod mesh_error;

@@ -1,10 +1,10 @@
-//! PNG pictures, 8-bit RGB in sRGB, with the true size of a pixel where it has one.
+//! PNG pictures, 8-bit RGB or RGBA in sRGB, with the true size of a pixel where it has one.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, RgbImage};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, RgbImage, RgbaImage};
 
 use super::atomic;
 
@@ -53,17 +53,38 @@ pub enum WritePngError {
 /// # Errors
 /// If the picture has no pixel, the pixel size is not within 1e-6 to 1000 mm, or the file cannot be written.
 pub fn write_png(path: &Path, picture: &RgbImage, pixel_mm: Option<f64>) -> Result<(), WritePngError> {
-    let bytes = encode(path, picture, pixel_mm)?;
-    atomic::write_file(path, |writer| writer.write_all(&bytes))
+    let bytes = encode(path, picture.as_raw(), picture.dimensions(), ExtendedColorType::Rgb8, pixel_mm)?;
+    write_bytes(path, &bytes)
+}
+
+/// Writes a picture with an alpha channel, or without one when all of it is opaque.
+///
+/// # Errors
+/// If the picture has no pixel or the file cannot be written.
+pub fn write_png_rgba(path: &Path, picture: RgbaImage) -> Result<(), WritePngError> {
+    if picture.pixels().all(|pixel| pixel[3] == u8::MAX) {
+        return write_png(path, &DynamicImage::from(picture).to_rgb8(), None);
+    }
+    let bytes = encode(path, picture.as_raw(), picture.dimensions(), ExtendedColorType::Rgba8, None)?;
+    write_bytes(path, &bytes)
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), WritePngError> {
+    atomic::write_file(path, |writer| writer.write_all(bytes))
         .map_err(|source| WritePngError::Io { path: path.to_path_buf(), source })
 }
 
-fn encode(path: &Path, picture: &RgbImage, pixel_mm: Option<f64>) -> Result<Vec<u8>, WritePngError> {
-    let (width, height) = picture.dimensions();
+fn encode(
+    path: &Path,
+    picture: &[u8],
+    (width, height): (u32, u32),
+    kind: ExtendedColorType,
+    pixel_mm: Option<f64>,
+) -> Result<Vec<u8>, WritePngError> {
     let mut bytes = Vec::new();
     // The encoder's own default, fast, makes slices several times larger.
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive)
-        .write_image(picture.as_raw(), width, height, ExtendedColorType::Rgb8)
+        .write_image(picture, width, height, kind)
         .map_err(|source| WritePngError::Encode { path: path.to_path_buf(), width, height, source })?;
     if let Some(pixel_mm) = pixel_mm {
         if !(1e-6..=1000.0).contains(&pixel_mm) {
@@ -105,6 +126,18 @@ mod tests {
         assert_eq!(bytes[HEAD + 8..HEAD + 12], 2000u32.to_be_bytes());
         // Check value of CRC-32 over this chunk, computed with zlib.
         assert_eq!(bytes[HEAD + 17..HEAD + 21], PHYS_2000_CRC.to_be_bytes());
+    }
+
+    #[test]
+    fn alpha_is_kept_where_there_is_some() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("organ.png");
+        let mut picture = RgbaImage::from_fn(5, 4, |x, y| image::Rgba([x as u8, y as u8, 7, 255]));
+        write_png_rgba(&path, picture.clone()).unwrap();
+        assert!(matches!(image::open(&path).unwrap(), DynamicImage::ImageRgb8(_)));
+        picture.put_pixel(2, 2, image::Rgba([1, 2, 3, 128]));
+        write_png_rgba(&path, picture.clone()).unwrap();
+        assert_eq!(image::open(&path).unwrap().to_rgba8(), picture);
     }
 
     const PHYS_2000_CRC: u32 = 0xb98b_e79f;

@@ -7,10 +7,11 @@
 
 use std::collections::HashMap;
 use std::fs;
-use std::io::{self, Cursor, Seek, SeekFrom, Write};
+use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 use super::atomic;
+use super::encode::{push_f32, push_text, write_records};
 use super::mesh_error::{ReadMeshError, WriteMeshError, check_organs};
 use crate::surface::mesh::{OrganMesh, TriangleMesh};
 
@@ -40,13 +41,25 @@ pub fn write_stl(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError
         advice: "write PLY, or one organ at a time",
     })?;
     atomic::write_file(path, |writer| {
-        let facets = organs.iter().flat_map(|organ| facets(&organ.mesh));
-        stl_io::write_stl(writer, Counted { left: total as usize, facets })?;
-        // stl_io leaves the header zero.
-        writer.seek(SeekFrom::Start(0))?;
-        writer.write_all(HEADER.as_bytes())
+        let mut header = [0; HEADER_BYTES as usize];
+        header[..HEADER.len()].copy_from_slice(HEADER.as_bytes());
+        writer.write_all(&header)?;
+        writer.write_all(&total.to_le_bytes())?;
+        organs.iter().try_for_each(|organ| write_facets(writer, &organ.mesh))
     })
     .map_err(WriteMeshError::io(path))
+}
+
+/// Facets as binary records: normal, three corners, and an attribute count that nobody uses.
+fn write_facets(out: &mut impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+    write_records(out, mesh.triangles.len(), |range, bytes| {
+        for corners in &mesh.triangles[range] {
+            let corners = corners.map(|corner| mesh.positions[corner as usize]);
+            push_f32(bytes, facet_normal(corners));
+            corners.into_iter().for_each(|corner| push_f32(bytes, corner));
+            bytes.extend_from_slice(&[0; 2]);
+        }
+    })
 }
 
 /// Writes ASCII STL [mm, RAS+]: one solid, about 260 bytes per triangle, every number exact.
@@ -57,49 +70,24 @@ pub fn write_stl_ascii(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMes
     check_organs(path, organs)?;
     atomic::write_file(path, |writer| {
         writeln!(writer, "solid {SOLID}")?;
-        for facet in organs.iter().flat_map(|organ| facets(&organ.mesh)) {
-            let [x, y, z] = facet.normal.0;
-            writeln!(writer, "facet normal {x:e} {y:e} {z:e}\nouter loop")?;
-            for vertex in facet.vertices {
-                let [x, y, z] = vertex.0;
-                writeln!(writer, "vertex {x:e} {y:e} {z:e}")?;
-            }
-            writeln!(writer, "endloop\nendfacet")?;
+        for OrganMesh { mesh, .. } in organs {
+            write_records(writer, mesh.triangles.len(), |range, text| {
+                mesh.triangles[range].iter().for_each(|corners| push_facet_text(text, mesh, corners));
+            })?;
         }
         writeln!(writer, "endsolid {SOLID}")
     })
     .map_err(WriteMeshError::io(path))
 }
 
-/// Facets with their number, which stl_io writes first and a flattened iterator cannot tell.
-struct Counted<I> {
-    left: usize,
-    facets: I,
-}
-
-impl<I: Iterator> Iterator for Counted<I> {
-    type Item = I::Item;
-
-    fn next(&mut self) -> Option<I::Item> {
-        self.left = self.left.saturating_sub(1);
-        self.facets.next()
+fn push_facet_text(text: &mut Vec<u8>, mesh: &TriangleMesh, corners: &[u32; 3]) {
+    let corners = corners.map(|corner| mesh.positions[corner as usize]);
+    let [x, y, z] = facet_normal(corners);
+    push_text(text, format_args!("facet normal {x:e} {y:e} {z:e}\nouter loop\n"));
+    for [x, y, z] in corners {
+        push_text(text, format_args!("vertex {x:e} {y:e} {z:e}\n"));
     }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        (self.left, Some(self.left))
-    }
-}
-
-impl<I: Iterator> ExactSizeIterator for Counted<I> {}
-
-fn facets(mesh: &TriangleMesh) -> impl Iterator<Item = stl_io::Triangle> {
-    mesh.triangles.iter().map(|corners| {
-        let vertices = corners.map(|corner| mesh.positions[corner as usize]);
-        stl_io::Triangle {
-            normal: stl_io::Normal::new(facet_normal(vertices)),
-            vertices: vertices.map(stl_io::Vertex::new),
-        }
-    })
+    push_text(text, format_args!("endloop\nendfacet\n"));
 }
 
 fn facet_normal(corners: [[f32; 3]; 3]) -> [f32; 3] {

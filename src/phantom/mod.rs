@@ -17,7 +17,7 @@ mod abdomen;
 mod blocks;
 mod bones;
 mod liver;
-mod noise;
+pub(crate) mod noise;
 mod raster;
 mod sdf;
 mod torso;

@@ -64,10 +64,15 @@ impl Lumps {
     }
 }
 
-/// Unit-variance value of one voxel: the sum of four uniform parts of a hash, close to a normal distribution.
-fn white(seed: u64, [i, j, k]: [i64; 3]) -> f32 {
+/// 64 random bits of a grid point, the same for the same seed and point.
+pub(crate) fn bits_at(seed: u64, [i, j, k]: [i64; 3]) -> u64 {
     let place = (i as u64) ^ (j as u64).rotate_left(21) ^ (k as u64).rotate_left(42);
-    let bits = mix(seed ^ mix(place.wrapping_add(GOLDEN)));
+    mix(seed ^ mix(place.wrapping_add(GOLDEN)))
+}
+
+/// Unit-variance value of one voxel: the sum of four uniform parts of a hash, close to a normal distribution.
+fn white(seed: u64, ijk: [i64; 3]) -> f32 {
+    let bits = bits_at(seed, ijk);
     let sum = (0..4).map(|part| ((bits >> (16 * part)) & 0xffff) as f32).sum::<f32>();
     // Each part has mean 32767.5 and variance 65536^2 / 12.
     (sum - 4.0 * 32767.5) / (65536.0 / 3.0_f32.sqrt())

@@ -9,6 +9,7 @@ pub(crate) mod canvas;
 pub mod color_bar;
 mod csv;
 mod draw;
+pub(crate) mod legend;
 mod ticks;
 
 use std::path::{Path, PathBuf};

@@ -8,6 +8,7 @@ use crate::scene::resolved::{Scene, VoxelSelection};
 use crate::store::{InputFile, RunReader};
 use crate::surface::field;
 use crate::surface::fine::Body;
+use crate::surface::smooth::{Voxels, from_grey, from_mask};
 use crate::volume::{CtVolume, LabelVolume, ResampleError, VoxelBox, grid_with_spacing};
 
 use super::inputs::{InputError, Inputs, load_volume};
@@ -82,28 +83,39 @@ impl Bodies {
     ///
     /// # Errors
     /// If the spacing is no length or too fine, or nothing is left of the organ.
-    pub fn body(&self, scene: &Scene, organ: usize, spacing: f64, smoothing: usize) -> Result<Body, BodyError> {
+    pub fn body(&self, scene: &Scene, organ: usize, spacing: f64, smooth: f32) -> Result<Body, BodyError> {
         let number = organ as u16 + 1;
         let name = || scene.organs[organ].name.clone();
         let part = self.organs.bounding_box(|&voxel| voxel == number);
         let part: VoxelBox = part.ok_or_else(|| BodyError::Body { organ: name(), source: BuildLatticeError::Empty })?;
         let part = part.grown([MARGIN; 3], self.organs.shape());
         let organs = self.organs.crop(&part);
-        let field = match (&scene.organs[organ].voxels, &self.inputs.image) {
+        let image = self.inputs.image.as_ref().map(|image| image.crop(&part));
+        let field = match (&scene.organs[organ].voxels, &image) {
             (VoxelSelection::Hu { min, max }, Some(image)) => {
-                let values = image.crop(&part).as_slice().iter().map(|&hu| (hu - min).min(max - hu)).collect();
-                CtVolume::from_vec(*organs.grid(), values)
+                image.as_slice().iter().map(|&hu| (hu - min).min(max - hu)).collect()
             }
-            _ => {
-                let values = organs.as_slice().iter().map(|&voxel| if voxel == number { 1.0 } else { -1.0 }).collect();
-                CtVolume::from_vec(*organs.grid(), field::binomial_passes(organs.shape(), values, smoothing))
+            (_, image) => {
+                let member: Vec<bool> = organs.as_slice().iter().map(|&voxel| voxel == number).collect();
+                let foreign: Vec<bool> = organs.as_slice().iter().map(|&voxel| voxel != number && voxel != 0).collect();
+                let voxels = Voxels { shape: organs.shape(), organ: &member, foreign: &foreign };
+                let mut field = match image {
+                    // Without smoothing the voxels are asked for, not what the CT makes of them.
+                    Some(image) if smooth > 0.0 => from_grey(voxels, image.as_slice(), smooth),
+                    _ => from_mask(voxels, smooth),
+                };
+                field.par_iter_mut().zip(&foreign).for_each(|(value, &foreign)| {
+                    *value *= if foreign { 1.0 + field::WALL } else { 1.0 };
+                });
+                field
             }
         };
         let grid = cubes(organs.grid(), spacing)?;
         let values = if grid == *organs.grid() {
-            field.as_slice().to_vec()
+            field
         } else {
-            (0..grid.shape.len()).into_par_iter().map(|point| field.sample(grid.place(point), -1.0)).collect()
+            let field = CtVolume::from_vec(*organs.grid(), field);
+            (0..grid.shape.len()).into_par_iter().map(|point| field.sample_cubic(grid.place(point), -1.0)).collect()
         };
         Body::new(grid, values).map_err(|source| BodyError::Body { organ: name(), source })
     }

@@ -15,8 +15,8 @@ use crate::surface::{Surface, SurfaceError, field};
 use super::bodies::{Bodies, BodyError};
 use super::record::HU_ARRAY;
 
-/// Smoothing of label maps before the surface is drawn, in passes of the binomial filter.
-pub const DEFAULT_SMOOTHING: usize = 2;
+/// Passes of the binomial filter over an organ's membership at the lattice points, at a smoothing of 1.
+const LATTICE_PASSES: f32 = field::SMOOTHING_PASSES as f32;
 /// Contrast over which the border of an organ chosen by HU is drawn [HU].
 const HU_CONTRAST: f32 = 100.0;
 
@@ -73,14 +73,14 @@ pub enum Resolution {
 pub struct MeshOptions {
     /// How fine they are.
     pub resolution: Resolution,
-    /// Passes of the binomial filter over the membership of organs chosen by label; 0 keeps the voxels' staircases. Organs chosen
-    /// by HU are drawn through the values of the CT.
-    pub smoothing: usize,
+    /// Smoothing at rest, before anything is carried: 0 keeps the voxels' staircases, 1 takes them away. Organs chosen by HU are
+    /// drawn through the values of the CT in any case.
+    pub smooth: f32,
 }
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        Self { resolution: Resolution::default(), smoothing: DEFAULT_SMOOTHING }
+        Self { resolution: Resolution::default(), smooth: 1.0 }
     }
 }
 
@@ -144,7 +144,7 @@ impl RunMesher {
                 let by_hu = scene.organs.iter().any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }));
                 let hu = by_hu.then(|| reader.extra_f32(HU_ARRAY)).transpose()?;
                 let hu = hu.as_ref().map(|hu| hu.values.as_slice());
-                let values = |organ| values_of(&scene, organ, reader.lattice(), hu, options.smoothing);
+                let values = |organ| values_of(&scene, organ, reader.lattice(), hu, options.smooth);
                 wanted.map(|organ| (organ, Shape::Lattice(values(organ)))).collect()
             }
             Resolution::Volume | Resolution::Spacing(_) => {
@@ -154,7 +154,7 @@ impl RunMesher {
                     _ => bodies.spacing(),
                 };
                 let shape = |organ| {
-                    let body = bodies.body(&scene, organ, spacing, options.smoothing)?;
+                    let body = bodies.body(&scene, organ, spacing, options.smooth)?;
                     Ok((organ, Shape::Fine(body)))
                 };
                 wanted.map(shape).collect::<Result<_, MeshRunError>>()?
@@ -222,11 +222,11 @@ impl RunMesher {
 }
 
 /// What an organ's surface is drawn from, see [`field`]. `hu`: the CT at the lattice points, for organs chosen by HU.
-fn values_of(scene: &Scene, organ: usize, lattice: &Lattice, hu: Option<&[f32]>, smoothing: usize) -> Vec<f32> {
+fn values_of(scene: &Scene, organ: usize, lattice: &Lattice, hu: Option<&[f32]>, smooth: f32) -> Vec<f32> {
     let number = organ as u8;
     let mut values = match (&scene.organs[organ].voxels, hu) {
         (VoxelSelection::Hu { min, max }, Some(hu)) => field::from_hu(lattice, number, hu, [*min, *max], HU_CONTRAST),
-        _ => field::smoothed(lattice, number, smoothing),
+        _ => field::smoothed(lattice, number, (smooth * LATTICE_PASSES).round() as usize),
     };
     field::part_walls(lattice, number, &mut values);
     values
@@ -284,7 +284,7 @@ pub fn organ_volumes(world: &World, scene: &Scene, hu: Option<&[f32]>) -> Result
         .filter(soft)
         .map(|organ| {
             let name = scene.organs[organ].name.clone();
-            let values = values_of(scene, organ, lattice, hu, DEFAULT_SMOOTHING);
+            let values = values_of(scene, organ, lattice, hu, 1.0);
             let extract = |topology: &Topology| {
                 Surface::extract(lattice, topology, &values)
                     .map_err(|source| MeshRunError::Surface { organ: name.clone(), source })

@@ -15,6 +15,7 @@ pub mod label_lookup;
 mod materials;
 pub mod meshes;
 mod organs;
+pub mod paint;
 pub mod prepare;
 mod range;
 pub mod record;

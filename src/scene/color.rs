@@ -30,7 +30,7 @@ const BY_NAME: [(&str, &str); 22] = [
 ];
 
 /// Reads `#rrggbb` (sRGB) as linear RGB in 0..=1.
-pub(super) fn parse(text: &str) -> Option<[f32; 3]> {
+pub(crate) fn parse(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#')?;
     if digits.len() != 6 || !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return None;
@@ -47,7 +47,7 @@ pub(super) fn default_for(name: &str, index: usize) -> [f32; 3] {
 }
 
 /// The transfer function of IEC 61966-2-1 (sRGB), decoded.
-fn linear(byte: u8) -> f32 {
+pub(crate) fn linear(byte: u8) -> f32 {
     let value = f64::from(byte) / 255.0;
     let linear = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
     linear as f32

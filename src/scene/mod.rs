@@ -12,9 +12,10 @@
 
 mod bodies;
 mod checks;
-mod color;
+pub(crate) mod color;
 mod diagnostics;
 mod json_schema;
+mod look;
 mod operations;
 mod organs;
 mod problem;

@@ -7,6 +7,7 @@ use super::bodies::body;
 use super::checks::Checks;
 use super::color;
 use super::diagnostics::KeyPath;
+use super::look::look;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::resolve::LabelLookup;
 use super::resolved::{Model, Organ, VoxelSelection};
@@ -40,20 +41,24 @@ pub(super) fn organs(
         let voxels = voxels(checks, &table, organ, labels, file);
         let color = match &organ.color {
             None => Some(color::default_for(&organ.name, index)),
-            Some(text) => {
-                let color = color::parse(text);
-                if color.is_none() {
-                    let expected = "an sRGB colour of six hexadecimal digits, such as \"#8c3b2e\"";
-                    checks.out_of_range(&table.key("color"), format!("\"{text}\""), expected);
-                }
-                color
-            }
+            Some(text) => parse_color(checks, &table.key("color"), text),
         };
-        if let (Some(body), Some(voxels), Some(color)) = (body, voxels, color) {
-            resolved.push(Organ { name: organ.name.clone(), voxels, body, color });
+        let look = look(checks, &table.key("look"), organ.look.as_ref(), &file.volume);
+        if let (Some(body), Some(voxels), Some(color), Some(look)) = (body, voxels, color, look) {
+            resolved.push(Organ { name: organ.name.clone(), voxels, body, color, look });
         }
     }
     (resolved.len() == file.organ.len()).then_some(resolved)
+}
+
+/// A colour as written; reported when it is none.
+pub(super) fn parse_color(checks: &mut Checks<'_>, key: &KeyPath, text: &str) -> Option<[f32; 3]> {
+    let color = color::parse(text);
+    if color.is_none() {
+        let expected = "an sRGB colour of six hexadecimal digits, such as \"#8c3b2e\"";
+        checks.out_of_range(key, format!("\"{text}\""), expected);
+    }
+    color
 }
 
 fn check_names(checks: &mut Checks<'_>, organs: &[schema::Organ]) {

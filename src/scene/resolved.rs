@@ -99,6 +99,31 @@ pub struct Organ {
     /// Linear RGB in 0..=1.
     #[serde(rename = "color_linear_rgb")]
     pub color: [f32; 3],
+    /// How its CT numbers become colours; `None` for the colours of its tissue over a window found in the CT.
+    #[serde(default)]
+    pub look: Option<Look>,
+}
+
+/// How CT numbers become colours.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Look {
+    /// The colours of the tissue from the lowest to the highest of these \[HU\].
+    #[serde(rename = "window_hu")]
+    Window([f32; 2]),
+    /// Colours at CT numbers, ascending, at least two.
+    Colors(Vec<LookColor>),
+}
+
+/// A colour of a CT number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LookColor {
+    /// CT number \[HU\].
+    pub hu: f32,
+    /// Linear RGB in 0..=1.
+    #[serde(rename = "color_linear_rgb")]
+    pub color: [f32; 3],
 }
 
 /// Which voxels an organ takes.
@@ -315,7 +340,9 @@ mod tests {
             tissue(YoungsModulus::FromHu(vec![[-100.0, 2e3], [0.1 + 0.2, 1e5 / 3.0]]), Damping::Viscosity(0.7));
         let measured = tissue(YoungsModulus::FromFile("/data/e.nii.gz".into()), Damping::Viscosity(0.0));
         let labels = |label| VoxelSelection::Labels(vec![label]);
-        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color: [0.1, 0.2, 1.0 / 3.0] };
+        let color = [0.1, 0.2, 1.0 / 3.0];
+        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color, look: None };
+        let colors = Look::Colors(vec![LookColor { hu: -0.1, color }, LookColor { hu: 1e3 / 3.0, color }]);
         let actions = [
             Action::Fix { region: region.clone() },
             Action::Force { region: region.clone(), force: Vector3::new(0.0, -3.1, 0.0), ramp: 0.02 },
@@ -328,8 +355,11 @@ mod tests {
             organs: vec![
                 organ("a", VoxelSelection::Labels(vec![1, 65535]), paper),
                 organ("b", VoxelSelection::Hu { min: -0.1, max: 120.3 }, constant),
-                organ("c", labels(7), Body::Rigid { density: None }),
-                organ("d", labels(8), Body::Rigid { density: Some(1920.0) }),
+                Organ {
+                    look: Some(Look::Window([-0.1, 1e2 / 3.0])),
+                    ..organ("c", labels(7), Body::Rigid { density: None })
+                },
+                Organ { look: Some(colors), ..organ("d", labels(8), Body::Rigid { density: Some(1920.0) }) },
                 organ("e", labels(9), mapped),
                 organ("f", labels(10), measured),
             ],
@@ -366,6 +396,8 @@ mod tests {
         assert_eq!(tissue(5)["youngs_modulus_pa"]["from_file"], "/data/e.nii.gz");
         assert_eq!(value["organs"][3]["body"]["rigid"]["density_kg_per_m3"], 1920.0);
         assert!(value["organs"][2]["body"]["rigid"]["density_kg_per_m3"].is_null());
+        assert_eq!(value["organs"][2]["look"]["window_hu"][0], -0.1_f32);
+        assert_eq!(value["organs"][3]["look"]["colors"][1]["color_linear_rgb"][0], 0.1_f32);
         assert_eq!(value["organs"][0]["voxels"]["labels"][1], 65535);
         assert!(value["operations"][0]["until_s"].is_null());
         let region = &value["operations"][0]["action"]["fix"]["region"];

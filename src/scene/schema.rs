@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::resolved::{Model, PhantomKind};
-use super::values::{LabelList, Modulus, Pair, Triple, some_table, table, tables};
+use super::values::{ColorPoint, LabelList, Modulus, Pair, Triple, some_table, table, tables};
 
 /// A scene of yawara: which organs, which material, what is done to them, and when.
 ///
@@ -156,6 +156,26 @@ pub(super) struct Organ {
     /// else with the place in the list. Example: `color = "#8c3b2e"`.
     #[schemars(regex(pattern = "^#[0-9a-fA-F]{6}$"))]
     pub(super) color: Option<String>,
+    /// How the CT inside the organ becomes colour where surfaces show it, on faces of cuts above all. Needs a CT image or a
+    /// phantom. Default: shades of the organ's colour that go with its name, over a window found in its own CT numbers.
+    /// Example: `look = { window = [0, 130] }`, or with colours of your own,
+    /// `look = { colors = [[-100, "#e3c878"], [50, "#8c3b2e"], [180, "#f2b49c"]] }`.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) look: Option<Look>,
+}
+
+/// How CT numbers become colours: one of these keys.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
+pub(super) struct Look {
+    /// The CT numbers [HU] of the darkest and of the brightest shade of the organ. Example: `look = { window = [0, 130] }`.
+    pub(super) window: Option<Pair>,
+    /// Colours at CT numbers: points [HU, "#rrggbb"] by ascending HU, at least two, sRGB; straight between them (in Oklab,
+    /// where equal steps look equal), constant beyond the ends.
+    /// Example: `look = { colors = [[0, "#4a1f18"], [120, "#f2b49c"]] }`.
+    #[schemars(length(min = 2))]
+    pub(super) colors: Option<Vec<ColorPoint>>,
 }
 
 /// How long, how many frames, which step.

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::de::{DeserializeSeed, Error, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 
 /// Reads a table. Derived structs would also read a list, its entries taken for the keys in order.
@@ -95,6 +95,36 @@ pub(super) struct MapPoint(pub(super) [f64; 2]);
 impl<'de> Deserialize<'de> for MapPoint {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         exactly(deserializer, "two numbers [HU, Pa]").map(Self)
+    }
+}
+
+/// A colour of a CT number: [HU, "#rrggbb"].
+#[derive(Debug, Clone, JsonSchema)]
+pub(super) struct ColorPoint(pub(super) f64, pub(super) String);
+
+impl<'de> Deserialize<'de> for ColorPoint {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(ColorPointVisitor)
+    }
+}
+
+struct ColorPointVisitor;
+
+impl<'de> Visitor<'de> for ColorPointVisitor {
+    type Value = ColorPoint;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a CT number and a colour, [HU, \"#rrggbb\"]")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<ColorPoint, A::Error> {
+        let short = |found: usize| A::Error::invalid_length(found, &self);
+        let hu = list.next_element()?.ok_or_else(|| short(0))?;
+        let color = list.next_element()?.ok_or_else(|| short(1))?;
+        match list.next_element::<IgnoredAny>()? {
+            None => Ok(ColorPoint(hu, color)),
+            Some(_) => Err(short(3)),
+        }
     }
 }
 
@@ -290,6 +320,27 @@ mod tests {
             ("[1, 2]", "expected a number of Pa, or a table { hu"),
             ("{ hu = [[1, 2, 3]] }", "expected two numbers [HU, Pa], found 3"),
             ("{ HU = [[1, 2]] }", "unknown field `HU`"),
+        ] {
+            let error = read(bad).unwrap_err();
+            assert!(error.message().contains(message), "{bad}: {error}");
+            assert!(error.span().is_some(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_colour_point_has_two_parts() {
+        #[derive(Debug, Deserialize)]
+        struct Holder {
+            point: ColorPoint,
+        }
+        let read = |text: &str| toml::from_str::<Holder>(&format!("point = {text}")).map(|holder| holder.point);
+        let ColorPoint(hu, color) = read("[-100, '#e3c878']").unwrap();
+        assert_eq!((hu, color.as_str()), (-100.0, "#e3c878"));
+        for (bad, message) in [
+            ("[1]", "expected a CT number and a colour"),
+            ("[1, '#000000', 2]", "expected a CT number and a colour"),
+            ("['#000000', 1]", "invalid type: string"),
+            ("7", "expected a CT number and a colour"),
         ] {
             let error = read(bad).unwrap_err();
             assert!(error.message().contains(message), "{bad}: {error}");

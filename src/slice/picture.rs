@@ -12,6 +12,7 @@ use super::{Raster, Section, SliceError};
 use crate::geometry::Point3;
 use crate::plot::canvas::{Align, Canvas, Color, mix, srgb};
 use crate::plot::color_bar::ColorBar;
+use crate::plot::legend::{Legend, text_height};
 use crate::surface::mesh::TriangleMesh;
 use crate::volume::{CtVolume, LabelVolume};
 
@@ -224,50 +225,16 @@ impl<'a> SlicePicture<'a> {
     }
 }
 
-/// Height of the letters on a picture [px]; `None` where they would cover it.
-fn text_height(canvas: &Canvas) -> Option<f64> {
-    let [width, height] = canvas.size();
-    let text = (width.min(height) / 24.0).clamp(12.0, 40.0);
-    (width >= 8.0 * text && height >= 8.0 * text).then_some(text)
-}
-
 /// A colour as dark as the grey it stands for, so that structure shows through the tint.
 fn tinted(color: Color, grey: u8) -> Color {
     mix(color, mix(SHADE, color, f64::from(grey) / 160.0), 0.6)
 }
 
-/// Draws the letters of the sides and a bar of a round number of millimetres.
+/// Draws the letters of the sides, where the plane is, and a scale bar.
 fn annotate(canvas: &mut Canvas, raster: &Raster) {
-    let [width, height] = canvas.size();
-    let Some(text) = text_height(canvas) else { return };
-    let mut write = |letters: &str, place: [f64; 2], text: f64, align: Align| {
-        canvas.outlined(letters, place, text, align, [INK, SHADE]);
-    };
-    let margin = 0.4 * text;
-    let [left, right, top, bottom] = raster.letters();
-    write(&left, [margin, height / 2.0], text, Align::Left);
-    write(&right, [width - margin, height / 2.0], text, Align::Right);
-    write(&top, [width / 2.0, margin + 0.5 * text], text, Align::Center);
-    write(&bottom, [width / 2.0, height - margin - 0.5 * text], text, Align::Center);
-    let caption = raster.plane.to_string();
-    // As large as fits beside the letters in the middle: a character is half as wide as high.
-    let room = 2.0 * (0.5 * width - 3.0 * text) / caption.chars().count() as f64;
-    write(&caption, [margin, margin + 0.5 * text], text.min(room), Align::Left);
-
-    let bar_mm = bar_length(0.3 * width * raster.pixel_mm());
-    let bar = bar_mm / raster.pixel_mm();
-    let (start, middle) =
-        ([width - 2.0 * margin - bar, height - 2.0 * margin], [width - 2.0 * margin - bar / 2.0, 0.0]);
-    write(&format!("{bar_mm} mm"), [middle[0], start[1] - 0.8 * text], text, Align::Center);
-    let thick = (text / 7.0).max(2.0);
-    canvas.fill([start[0] - 1.0, start[1] - thick - 1.0], [start[0] + bar + 1.0, start[1] + 1.0], SHADE, 1.0);
-    canvas.fill([start[0], start[1] - thick], [start[0] + bar, start[1]], INK, 1.0);
-}
-
-/// The largest of 1, 2 and 5 times a power of ten that is not above `most` [mm].
-fn bar_length(most: f64) -> f64 {
-    let power = 10f64.powi(most.log10().floor() as i32);
-    power * [5.0, 2.0].into_iter().find(|m| m * power <= most).unwrap_or(1.0)
+    let (letters, caption) = (raster.letters(), raster.plane.to_string());
+    let letters = [0, 1, 2, 3].map(|side| letters[side].as_str());
+    Legend { letters, caption: &caption, pixel_mm: raster.pixel_mm(), ink: INK, shade: SHADE }.draw(canvas);
 }
 
 #[cfg(test)]
@@ -284,11 +251,6 @@ mod tests {
             [0, 0, 64, 128, 191, 255, 255]
         );
         assert_eq!(window.grey(f32::NAN), 0);
-    }
-
-    #[test]
-    fn bars_are_round() {
-        assert_eq!([99.0, 100.0, 19.9, 7.0, 0.3].map(bar_length), [50.0, 100.0, 10.0, 5.0, 0.2]);
     }
 
     #[test]

@@ -104,7 +104,7 @@ pub fn smoothed(lattice: &Lattice, organ: u8, passes: usize) -> Vec<f32> {
 }
 
 /// Zero of an error that grows with the shift, by the Illinois variant of false position.
-fn volume_keeping_shift(error: impl Fn(f32) -> f64) -> f32 {
+pub(super) fn volume_keeping_shift(error: impl Fn(f32) -> f64) -> f32 {
     // The contrast between the border and well inside.
     const RANGE: f32 = 1.0;
     let (mut low, mut high) = ((-RANGE, error(-RANGE)), (RANGE, error(RANGE)));
@@ -131,7 +131,7 @@ fn volume_keeping_shift(error: impl Fn(f32) -> f64) -> f32 {
 }
 
 /// Volume inside the surface of a field, in cells of its grid; 0 when there is no surface.
-fn volume_in_cells(shape: GridShape, field: &[f32]) -> f64 {
+pub(super) fn volume_in_cells(shape: GridShape, field: &[f32]) -> f64 {
     let Ok((positions, triangles)) = surface_in_cells(shape, field) else { return 0.0 };
     let corner = |vertex: u32| nalgebra::Vector3::from(positions[vertex as usize].map(f64::from));
     triangles.iter().map(|t| corner(t[0]).dot(&corner(t[1]).cross(&corner(t[2])))).sum::<f64>() / 6.0
@@ -153,7 +153,7 @@ pub fn from_hu(lattice: &Lattice, organ: u8, hu: &[f32], range: [f32; 2], width:
 
 /// Share by which [`part_walls`] deepens a field beyond a wall: half-way between two particles, the wall then stands back by 0.0025 of a
 /// pitch, and by 0.0008 at the ends of what smoothing leaves. Welding needs about 0.001 between both walls.
-const WALL: f32 = 0.01;
+pub(crate) const WALL: f32 = 0.01;
 
 /// Sets the walls of an organ back from the organs it touches, by 0.001 to 0.0025 pitch.
 ///
@@ -285,14 +285,6 @@ fn keep_sign(mut field: Vec<f32>, membership: &[f32], floors: &[f32], rebound: f
         // A comparison with NaN is false, and `max` drops it: an unknown value counts as a strong contradiction.
         *value = member * kept;
     });
-    field
-}
-
-/// So many passes of (1 2 1)/4 along x, y and z over a membership of +1 and -1; beyond the grid is -1.
-pub(crate) fn binomial_passes(shape: GridShape, mut field: Vec<f32>, passes: usize) -> Vec<f32> {
-    for _ in 0..passes {
-        field = binomial(shape, &field, -1.0);
-    }
     field
 }
 

@@ -9,7 +9,7 @@
 //! The clamp keeps a crushed, inverted or exploding neighbourhood from throwing vertices about: a vertex stays within
 //! four edge lengths of its particle. Homogeneous deformations within these stretches are reproduced to rounding.
 
-use nalgebra::Rotation3;
+use nalgebra::{Rotation3, Unit};
 use rayon::prelude::*;
 
 use crate::geometry::{Affine, Matrix3, Vector3};
@@ -115,7 +115,12 @@ impl Neighbourhood {
         if svd.singular_values[second] < 1e-6 * svd.singular_values[first] {
             // A chain: turned as little as its direction demands.
             let (from, to) = (v_t.row(first).transpose(), u.column(first).into_owned());
-            return Rotation3::rotation_between(&from, &to).map_or_else(Matrix3::identity, Rotation3::into_inner);
+            // Not by the arc cosine: of unit vectors that are nearly one it is not a number when rounding makes their product
+            // larger than 1.
+            let across = from.cross(&to);
+            let angle = across.norm().atan2(from.dot(&to));
+            return Unit::try_new(across, 1e-12)
+                .map_or_else(Matrix3::identity, |axis| Rotation3::from_axis_angle(&axis, angle).into_inner());
         }
         let mut signs = Vector3::repeat(1.0);
         signs[third] = (u.determinant() * v_t.determinant()).signum();

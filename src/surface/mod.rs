@@ -14,6 +14,7 @@ pub mod check;
 mod embed;
 mod extract;
 pub mod field;
+pub mod field_normals;
 pub mod fine;
 pub(crate) mod gradient;
 mod junction;
@@ -21,6 +22,7 @@ mod marching_cubes;
 pub mod mesh;
 mod normals;
 mod seam;
+pub mod smooth;
 pub mod weld;
 
 pub use extract::Surface;

@@ -40,6 +40,49 @@ impl CtVolume {
         let plane = |k: usize| mix(row(low[1], k), row(high[1], k), t[1]);
         mix(plane(low[2]), plane(high[2]), t[2]) as f32
     }
+
+    /// Value at a place, RAS+ [mm], by cubic convolution: continuous to its first derivative, so that a surface drawn from
+    /// it has no facets of the voxels' size. Exact at voxel centres and for polynomials of second order; may overshoot beside a step by
+    /// about a tenth of it. `outside` beyond the volume (and at NaN).
+    ///
+    /// # Source
+    /// Keys, Cubic convolution interpolation for digital image processing, 1981, with a = -1/2.
+    pub fn sample_cubic(&self, place: Point3, outside: f32) -> f32 {
+        let shape = self.shape();
+        let index = self.grid().affine.index_of(place);
+        if !is_inside(shape, index) {
+            return outside;
+        }
+        let dims = shape.dims();
+        let (mut at, mut weights) = ([[0; 4]; 3], [[0.0; 4]; 3]);
+        for axis in 0..3 {
+            let clamped = index[axis].clamp(0.0, (dims[axis] - 1) as f64);
+            let low = clamped.floor();
+            weights[axis] = cubic_weights(clamped - low);
+            at[axis] = [-1.0, 0.0, 1.0, 2.0].map(|step| (low + step).clamp(0.0, (dims[axis] - 1) as f64) as usize);
+        }
+        let values = self.as_slice();
+        let mut sum = 0.0;
+        for k in 0..4 {
+            for j in 0..4 {
+                let row: f64 = (0..4)
+                    .map(|i| weights[0][i] * f64::from(values[shape.linear([at[0][i], at[1][j], at[2][k]])]))
+                    .sum();
+                sum += weights[1][j] * weights[2][k] * row;
+            }
+        }
+        sum as f32
+    }
+}
+
+/// Weights of the four samples around a place `t` of the way from the second to the third.
+fn cubic_weights(t: f64) -> [f64; 4] {
+    [
+        -0.5 * t + t * t - 0.5 * t * t * t,
+        1.0 - 2.5 * t * t + 1.5 * t * t * t,
+        0.5 * t + 2.0 * t * t - 1.5 * t * t * t,
+        -0.5 * t * t + 0.5 * t * t * t,
+    ]
 }
 
 impl LabelVolume {
@@ -78,6 +121,19 @@ mod tests {
         let value = |p: Point3| 3.0 * p.x - 2.0 * p.y + 0.5 * p.z + 40.0;
         let values = (0..grid.shape.len()).map(|n| value(grid.place(n)) as f32).collect();
         (CtVolume::from_vec(grid, values), value)
+    }
+
+    #[test]
+    fn cubic_convolution_is_exact_for_parabolas_and_at_centres() {
+        let affine = Affine::from_spacing([2.0, 1.0, 0.5], [1.0, 2.0, 3.0]).unwrap();
+        let grid = Grid { shape: GridShape::new(7, 8, 9), affine };
+        let value = |p: Point3| 0.3 * p.x * p.x - p.y * p.y + 2.0 * p.z * p.x + p.z * p.z - 4.0;
+        let volume = CtVolume::from_vec(grid, (0..grid.shape.len()).map(|n| value(grid.place(n)) as f32).collect());
+        for index in [[2.0, 3.0, 4.0], [2.25, 3.5, 4.9], [1.01, 1.99, 6.5]] {
+            let place = grid.affine.apply(Point3::from(index));
+            assert!((f64::from(volume.sample_cubic(place, OUTSIDE)) - value(place)).abs() < 2e-4, "{index:?}");
+        }
+        assert_eq!(volume.sample_cubic(Point3::new(f64::NAN, 0.0, 0.0), OUTSIDE), OUTSIDE);
     }
 
     #[test]

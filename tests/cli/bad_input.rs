@@ -24,6 +24,7 @@ fn missing_files_are_named() {
         &["scene", "no.toml"],
         &["mesh", "no", "-o", "a.stl"],
         &["volume", "no", "-o", "a.png"],
+        &["render", "no", "-o", "a.png"],
         &["slice", "no", "-o", "a.png", "--axis", "x", "--at", "0"],
     ] {
         folder.yawara(call).refused(&[call[1], "o such file"]);

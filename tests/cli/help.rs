@@ -2,12 +2,13 @@
 
 use crate::support::Folder;
 
-const COMMANDS: [&[&str]; 16] = [
+const COMMANDS: [&[&str]; 18] = [
     &[],
     &["demo"],
     &["run"],
     &["mesh"],
     &["slice"],
+    &["render"],
     &["volume"],
     &["phantom"],
     &["info"],
@@ -17,6 +18,7 @@ const COMMANDS: [&[&str]; 16] = [
     &["bench"],
     &["bench", "lattice"],
     &["bench", "surface"],
+    &["bench", "render"],
     &["completions"],
     &["man"],
 ];
@@ -86,6 +88,7 @@ fn wrong_usage_is_refused() {
         folder.yawara(&["bench", "lattice", "--n", n]).refused(&[n, "from 2 to 800"]);
     }
     folder.yawara(&["bench", "lattice", "--n", "8", "--steps", "0"]).refused(&["--steps 0", "at least one"]);
+    folder.yawara(&["bench", "render", "--triangles", "10"]).refused(&["--triangles is 10", "1000 to"]);
     folder.yawara(&["bench", "surface", "--n", "1"]).refused(&["--n is 1", "2 to 1024"]);
     assert!(folder.everything().is_empty());
 }
@@ -105,6 +108,11 @@ fn benches_print_one_object() {
     assert!(lattice["particle_steps_per_s"].as_f64() > Some(0.0) && lattice["mean_moved"].as_f64() > Some(0.0));
     let surface = folder.yawara(&["bench", "surface", "--n", "40", "--json"]).done().json();
     assert!(surface["triangles"].as_u64() > Some(1000));
+    let render = ["bench", "render", "--triangles", "4000", "--size", "64x48"];
+    let drawn = folder.yawara(&[&render[..], &["--json"]].concat()).done().json();
+    assert_eq!((drawn["width"].as_u64(), drawn["height"].as_u64()), (Some(64), Some(48)));
+    assert!(drawn["triangles"].as_u64() > Some(3500) && drawn["seconds"].as_f64() > Some(0.0));
+    folder.yawara(&render).done().prints(&["triangles on 64 x 48 pixels"]);
     folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3"]).done().prints(&["12^3 particles, 3 steps"]);
     folder.yawara(&["bench", "surface", "--n", "40"]).done().prints(&["40^3 values", "triangles"]);
 }

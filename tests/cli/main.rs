@@ -5,6 +5,8 @@ mod bad_output;
 mod help;
 mod moduli;
 mod nasty;
+mod paint;
+mod render;
 mod runs;
 mod same_bits;
 mod scene_facts;

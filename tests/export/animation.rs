@@ -1,12 +1,12 @@
-//! A run as one animated GLB.
+//! A run in one file: in steps, and as morph targets.
 
 use std::fs;
 
-use yawara::io::gltf::{AnimatedGlbWriter, GlbReader};
+use yawara::io::gltf::{GltfReader, MorphAnimationWriter, Precision, StepAnimationWriter, quantization_error_mm};
 use yawara::io::mesh_error::WriteMeshError;
 use yawara::surface::mesh::OrganMesh;
 
-use crate::meshes::chunks;
+use crate::meshes::{chunks, near};
 use crate::{blob, entries};
 
 /// Three frames: the liver moves, then its triangles change; the kidney stays and is gone in the last.
@@ -25,14 +25,14 @@ fn frames() -> Vec<Vec<OrganMesh>> {
 fn each_frame_is_read_back_at_its_time() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.glb");
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     for (at, organs) in frames().iter().enumerate() {
         writer.push_frame(0.25 * at as f64, organs).unwrap();
         assert!(!path.exists(), "the file appears whole or not at all");
     }
     writer.finish().unwrap();
     assert_eq!(entries(folder.path()), ["run.glb"]);
-    let mut reader = GlbReader::open(&path).unwrap();
+    let mut reader = GltfReader::open(&path).unwrap();
     assert_eq!(reader.frames(), 3);
     for (at, expected) in frames().iter().enumerate() {
         assert_eq!(reader.time(at), Some(0.25 * at as f64));
@@ -53,7 +53,7 @@ fn each_frame_is_read_back_at_its_time() {
 fn exactly_one_frame_is_shown_at_any_time_and_the_last_is_held() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.glb");
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     frames().iter().enumerate().for_each(|(at, organs)| writer.push_frame(0.1 + 0.2 * at as f64, organs).unwrap());
     writer.finish().unwrap();
     let (json, binary) = chunks(&path);
@@ -91,7 +91,7 @@ fn exactly_one_frame_is_shown_at_any_time_and_the_last_is_held() {
 fn hidden_frames_shrink_to_the_middle_of_the_body() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.glb");
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     frames().iter().enumerate().for_each(|(at, organs)| writer.push_frame(at as f64, organs).unwrap());
     writer.finish().unwrap();
     let (json, _) = chunks(&path);
@@ -115,7 +115,7 @@ fn triangles_are_stored_once_per_topology() {
         other
     };
     for (path, other) in [(&same, &organ), (&changed, &turned)] {
-        let mut writer = AnimatedGlbWriter::create(path).unwrap();
+        let mut writer = StepAnimationWriter::create(path, Precision::Float).unwrap();
         for at in 0..6 {
             let organ = if at % 2 == 0 { &organ } else { other };
             writer.push_frame(f64::from(at), std::slice::from_ref(organ)).unwrap();
@@ -132,10 +132,10 @@ fn triangles_are_stored_once_per_topology() {
 fn one_frame_is_a_still() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("still.glb");
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     writer.push_frame(3.0, &frames()[0]).unwrap();
     writer.finish().unwrap();
-    let mut reader = GlbReader::open(&path).unwrap();
+    let mut reader = GltfReader::open(&path).unwrap();
     assert_eq!((reader.frames(), reader.time(0), reader.read_frame(0).unwrap().len()), (1, None, 2));
 }
 
@@ -143,7 +143,7 @@ fn one_frame_is_a_still() {
 fn wrong_frames_are_refused_and_the_animation_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.glb");
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     writer.push_frame(1.0, &frames()[0]).unwrap();
     for time in [1.0, 0.5, -1.0, f64::NAN, f64::INFINITY, 1.0 + 1e-9] {
         let refused = writer.push_frame(time, &frames()[1]);
@@ -154,23 +154,126 @@ fn wrong_frames_are_refused_and_the_animation_goes_on() {
     assert!(matches!(writer.push_frame(2.0, &bad), Err(WriteMeshError::VertexIndex { found: 1_048_576, .. })));
     writer.push_frame(2.0, &frames()[1]).unwrap();
     writer.finish().unwrap();
-    assert_eq!(GlbReader::open(&path).unwrap().frames(), 2);
+    assert_eq!(GltfReader::open(&path).unwrap().frames(), 2);
 }
 
 #[test]
 fn an_abandoned_or_empty_animation_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.glb");
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     writer.push_frame(0.0, &frames()[0]).unwrap();
     drop(writer);
-    let writer = AnimatedGlbWriter::create(&path).unwrap();
+    let writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     assert!(writer.is_empty() && writer.finish().is_err());
     // A folder stands where the file should be.
     fs::create_dir(&path).unwrap();
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     writer.push_frame(0.0, &frames()[0]).unwrap();
     assert!(matches!(writer.finish(), Err(WriteMeshError::Io { .. })));
     fs::remove_dir(&path).unwrap();
     assert!(entries(folder.path()).is_empty());
+}
+
+#[test]
+fn quantised_frames_are_read_back_at_their_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.glb");
+    let mut writer = StepAnimationWriter::create(&path, Precision::Quantized).unwrap();
+    frames().iter().enumerate().for_each(|(at, organs)| writer.push_frame(at as f64, organs).unwrap());
+    writer.finish().unwrap();
+    let mut reader = GltfReader::open(&path).unwrap();
+    assert_eq!(reader.frames(), 3);
+    for (at, expected) in frames().iter().enumerate() {
+        let bound = quantization_error_mm(expected) as f32 + 1e-3;
+        for (found, expected) in reader.read_frame(at).unwrap().iter().zip(expected) {
+            assert!(near(&found.mesh.positions, &expected.mesh.positions, 0.0, bound), "frame {at}, {}", found.name);
+        }
+    }
+}
+
+/// Frames of a liver that wobbles, is cut at frame `cut`, and wobbles on; a kidney that vanishes there.
+fn wobble(count: usize, cut: usize) -> Vec<Vec<OrganMesh>> {
+    let frame = |at: usize| {
+        let mut liver = blob("liver", [60.0, -20.0, 700.0], if at < cut { 6 } else { 7 });
+        for (vertex, position) in liver.mesh.positions.iter_mut().enumerate() {
+            position[2] += 5.0 * (at as f32 + 0.1 * vertex as f32).sin();
+        }
+        let mut kidney = blob("kidney", [-80.0, 15.0, 640.0], 4);
+        kidney.mesh.normals.clear();
+        if at >= cut {
+            kidney.mesh = Default::default();
+        }
+        vec![liver, kidney]
+    };
+    (0..count).map(frame).collect()
+}
+
+#[test]
+fn morph_frames_are_read_back_at_their_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.glb");
+    // More frames than one mesh has targets, a cut in between, and one just before the last.
+    for (count, cut) in [(3, 1), (5, 5), (150, 70), (65, 64), (64, 64)] {
+        let frames = wobble(count, cut);
+        let mut writer = MorphAnimationWriter::create(&path).unwrap();
+        for (at, organs) in frames.iter().enumerate() {
+            writer.push_frame(0.25 * at as f64, organs).unwrap();
+        }
+        writer.finish().unwrap();
+        assert_eq!(entries(folder.path()), ["run.glb"]);
+        let mut reader = GltfReader::open(&path).unwrap();
+        assert_eq!(reader.frames(), count, "{count} frames, cut at {cut}");
+        for (at, expected) in frames.iter().enumerate() {
+            assert_eq!(reader.time(at), Some(0.25 * at as f64));
+            let mut found = reader.read_frame(at).unwrap();
+            found.sort_by(|a, b| b.name.cmp(&a.name));
+            let filled: Vec<_> = expected.iter().filter(|organ| !organ.mesh.triangles.is_empty()).collect();
+            assert_eq!(found.len(), filled.len(), "frame {at} of {count}");
+            for (found, expected) in found.iter().zip(filled) {
+                let (name, found, expected) = (&found.name, &found.mesh, &expected.mesh);
+                assert_eq!(found.triangles, expected.triangles);
+                assert!(near(&found.positions, &expected.positions, 3e-7, 3e-4), "frame {at} of {count}, {name}");
+                assert!(near(&found.normals, &expected.normals, 0.0, 1e-5), "frame {at} of {count}, {name}");
+                assert!(found.strains.is_empty() && found.displacements.is_empty(), "those of one moment");
+                assert_eq!((&found.labels, &found.hu), (&expected.labels, &expected.hu));
+            }
+        }
+    }
+}
+
+#[test]
+fn morph_targets_take_less_room_than_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let (steps, morph) = (folder.path().join("steps.glb"), folder.path().join("morph.glb"));
+    let frames = wobble(40, 40);
+    let mut step_writer = StepAnimationWriter::create(&steps, Precision::Float).unwrap();
+    let mut morph_writer = MorphAnimationWriter::create(&morph).unwrap();
+    for (at, organs) in frames.iter().enumerate() {
+        step_writer.push_frame(at as f64, organs).unwrap();
+        morph_writer.push_frame(at as f64, organs).unwrap();
+    }
+    step_writer.finish().unwrap();
+    morph_writer.finish().unwrap();
+    let size = |path| fs::metadata(path).unwrap().len();
+    assert!(2 * size(&morph) < size(&steps), "{} and {} bytes", size(&morph), size(&steps));
+}
+
+#[test]
+fn wrong_morph_frames_are_refused_and_the_animation_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.glb");
+    let frames = wobble(3, 3);
+    let mut writer = MorphAnimationWriter::create(&path).unwrap();
+    writer.push_frame(1.0, &frames[0]).unwrap();
+    assert!(matches!(writer.push_frame(1.0, &frames[1]), Err(WriteMeshError::FrameTime { frame: 1, .. })));
+    let mut bad = frames[1].clone();
+    bad[0].mesh.positions[7][1] = f32::NAN;
+    assert!(matches!(writer.push_frame(2.0, &bad), Err(WriteMeshError::NotFinite { at: 7, .. })));
+    writer.push_frame(2.0, &frames[1]).unwrap();
+    assert_eq!(writer.len(), 2);
+    writer.finish().unwrap();
+    assert_eq!(GltfReader::open(&path).unwrap().frames(), 2);
+    let writer = MorphAnimationWriter::create(&path).unwrap();
+    assert!(writer.is_empty() && matches!(writer.finish(), Err(WriteMeshError::Empty { .. })));
 }

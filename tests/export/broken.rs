@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use proptest::prelude::*;
-use yawara::io::gltf::{AnimatedGlbWriter, GlbReader};
+use yawara::io::gltf::{GltfReader, MorphAnimationWriter, Precision, StepAnimationWriter, write_gltf};
 use yawara::io::mesh_error::ReadMeshError;
 use yawara::io::mesh_format::MeshFormat;
 
@@ -25,16 +25,22 @@ static FILES: LazyLock<Vec<(&str, MeshFormat, Vec<u8>)>> = LazyLock::new(|| {
             (name, format, fs::read(&path).unwrap())
         })
         .collect();
-    let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+    let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
     (0..3).for_each(|at| writer.push_frame(f64::from(at), &organs[at as usize % 2..]).unwrap());
     writer.finish().unwrap();
     files.push(("run.glb", MeshFormat::Glb, fs::read(&path).unwrap()));
+    write_gltf(&path, &organs, Precision::Quantized).unwrap();
+    files.push(("quantised.glb", MeshFormat::Glb, fs::read(&path).unwrap()));
+    let mut writer = MorphAnimationWriter::create(&path).unwrap();
+    (0..3).for_each(|at| writer.push_frame(f64::from(at), &organs[at as usize / 2..]).unwrap());
+    writer.finish().unwrap();
+    files.push(("morph.glb", MeshFormat::Glb, fs::read(&path).unwrap()));
     files
 });
 
 fn read(format: MeshFormat, path: &Path) -> Result<(), ReadMeshError> {
     if format == MeshFormat::Glb {
-        let mut reader = GlbReader::open(path)?;
+        let mut reader = GltfReader::open(path)?;
         return (0..reader.frames()).try_for_each(|frame| reader.read_frame(frame).map(drop));
     }
     format.read(path).map(drop)
@@ -58,7 +64,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn files_cut_short_are_refused(file in 0..5usize, share in 0.0..1.0f64) {
+    fn files_cut_short_are_refused(file in 0..7usize, share in 0.0..1.0f64) {
         let (name, format, bytes) = &FILES[file];
         let mut end = (bytes.len() as f64 * share) as usize;
         if *format == MeshFormat::StlAscii {
@@ -72,7 +78,7 @@ proptest! {
     }
 
     #[test]
-    fn changed_bytes_never_panic(file in 0..5usize, changes in prop::collection::vec((0.0..1.0f64, any::<u8>()), 1..6)) {
+    fn changed_bytes_never_panic(file in 0..7usize, changes in prop::collection::vec((0.0..1.0f64, any::<u8>()), 1..6)) {
         let (name, format, bytes) = &FILES[file];
         let mut bytes = bytes.clone();
         for (share, byte) in changes {
@@ -86,7 +92,7 @@ proptest! {
     }
 
     #[test]
-    fn changed_numbers_in_glb_json_never_panic(file in 3..5usize, which in 0.0..1.0f64, number in prop::sample::select(
+    fn changed_numbers_in_glb_json_never_panic(file in 3..7usize, which in 0.0..1.0f64, number in prop::sample::select(
         vec!["0", "1", "7", "65535", "4294967295", "18446744073709551615", "-1", "1e30", "null", "[]"])) {
         let (name, format, bytes) = &FILES[file];
         let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;

@@ -20,6 +20,10 @@ pub(crate) fn blob(name: &str, center: [f32; 3], rings: u32) -> OrganMesh {
         mesh.normals.push([right, front, up]);
         mesh.labels.push(5 + (latitude * 3.0) as u16);
         mesh.displacements.push([0.1 * longitude, -0.2 * latitude, 0.25]);
+        mesh.hu.push(40.0 + 20.0 * up);
+        mesh.strains.push(0.05 * latitude);
+        mesh.speeds.push(3.0 * longitude);
+        mesh.colors.push([0.5 + 0.5 * right, 0.001 + 0.3 * latitude, 0.5 - 0.5 * up]);
     };
     let pi = std::f32::consts::PI;
     vertex(0.0, 0.0);

@@ -3,10 +3,11 @@
 use std::fs;
 use std::path::Path;
 
+use yawara::io::gltf::{Precision, quantization_error_mm, write_gltf};
 use yawara::io::mesh_error::WriteMeshError;
 use yawara::io::mesh_format::MeshFormat;
 use yawara::io::{ply, stl};
-use yawara::surface::mesh::{OrganMesh, TriangleMesh};
+use yawara::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 
 use crate::{blob, entries, signed_volume};
 
@@ -35,8 +36,19 @@ fn joined(organs: &[OrganMesh]) -> TriangleMesh {
         whole.normals.extend(&mesh.normals);
         whole.labels.extend(&mesh.labels);
         whole.displacements.extend(&mesh.displacements);
+        whole.hu.extend(&mesh.hu);
+        whole.strains.extend(&mesh.strains);
+        whole.speeds.extend(&mesh.speeds);
+        whole.colors.extend(&mesh.colors);
     }
     whole
+}
+
+/// True when linear colours differ by no more than half a byte of sRGB.
+fn same_in_srgb(found: &[[f32; 3]], expected: &[[f32; 3]]) -> bool {
+    let encode = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    let near = |(a, b): (&f32, &f32)| (encode(*a) - encode(*b)).abs() <= 0.501 / 255.0;
+    found.len() == expected.len() && found.iter().flatten().zip(expected.iter().flatten()).all(near)
 }
 
 /// Corners of each triangle, which is all an STL file holds.
@@ -105,12 +117,21 @@ fn ply_gives_back_everything_exactly() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.ply");
     write(MeshFormat::Ply, &path, &organs());
-    assert_eq!(ply::read_ply(&path).unwrap(), joined(&organs()));
+    let (mut found, mut expected) = (ply::read_ply(&path).unwrap(), joined(&organs()));
+    assert!(same_in_srgb(&found.colors, &expected.colors));
+    (found.colors, expected.colors) = Default::default();
+    assert_eq!(found, expected);
     let bytes = fs::read(&path).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     assert!(header.is_ascii() && header.contains("comment unit mm; patient space RAS+"), "{header}");
     assert!(header.contains(r#"organ "kidney, \"left\"\n\u{e9}": 42 vertices from 146"#), "{header}");
+    for line in ["float hu", "float strain", "float speed", "uchar red", "uchar green", "uchar blue"] {
+        assert!(header.contains(&format!("property {line}\n")), "{header}");
+    }
+    for note in ["displacement: from rest, mm", "hu: CT", "strain: equivalent", "speed: mm/s", "blue: sRGB"] {
+        assert!(header.contains(note), "{header}");
+    }
     assert!(header.contains("property ushort label") && header.contains("property list uchar int vertex_indices"));
 }
 
@@ -121,9 +142,12 @@ fn ply_leaves_out_what_an_organ_lacks() {
     let mut organs = organs();
     organs[1].mesh.labels.clear();
     organs[0].mesh.normals.clear();
+    organs[1].mesh.colors.clear();
+    organs[1].mesh.speeds.clear();
     write(MeshFormat::Ply, &path, &organs);
     let found = ply::read_ply(&path).unwrap();
-    assert!(found.labels.is_empty() && found.normals.is_empty());
+    assert!(found.labels.is_empty() && found.normals.is_empty() && found.speeds.is_empty() && found.colors.is_empty());
+    assert_eq!(found.hu, joined(&organs).hu);
     assert_eq!(found.displacements, joined(&organs).displacements);
 }
 
@@ -159,17 +183,94 @@ fn glb_gives_back_organs_within_single_precision() {
     let found = MeshFormat::Glb.read(&path).unwrap();
     assert_eq!(found.len(), 2);
     for (found, expected) in found.iter().zip(organs()) {
-        assert_eq!((&found.name, found.color), (&expected.name, expected.color));
+        assert_eq!((&found.name, found.finish), (&expected.name, expected.finish));
         assert_eq!(found.mesh.triangles, expected.mesh.triangles);
         assert_eq!(found.mesh.labels, expected.mesh.labels);
-        let near = |a: &[[f32; 3]], b: &[[f32; 3]], relative: f32| {
-            let close = |(a, b): (&f32, &f32)| (a - b).abs() <= relative * b.abs();
-            a.len() == b.len() && a.iter().flatten().zip(b.iter().flatten()).all(close)
-        };
-        assert!(near(&found.mesh.positions, &expected.mesh.positions, GLB_RELATIVE));
-        assert!(near(&found.mesh.displacements, &expected.mesh.displacements, GLB_RELATIVE));
-        assert!(near(&found.mesh.normals, &expected.mesh.normals, 1e-6));
+        assert_eq!((&found.mesh.hu, &found.mesh.strains), (&expected.mesh.hu, &expected.mesh.strains));
+        assert!(near(&found.mesh.positions, &expected.mesh.positions, GLB_RELATIVE, 0.0));
+        assert!(near(&found.mesh.displacements, &expected.mesh.displacements, GLB_RELATIVE, 0.0));
+        assert!(near(&found.mesh.normals, &expected.mesh.normals, 1e-6, 0.0));
+        // 16-bit shares.
+        assert!(near(&found.mesh.colors, &expected.mesh.colors, 0.0, 0.51 / 65_535.0));
+        let speeds = |mesh: &TriangleMesh| mesh.speeds.iter().map(|&speed| [speed; 3]).collect::<Vec<_>>();
+        assert!(near(&speeds(&found.mesh), &speeds(&expected.mesh), GLB_RELATIVE, 0.0));
     }
+}
+
+/// True when all parts are within a relative or an absolute distance.
+pub(crate) fn near(found: &[[f32; 3]], expected: &[[f32; 3]], relative: f32, absolute: f32) -> bool {
+    let close = |(a, b): (&f32, &f32)| (a - b).abs() <= absolute.max(relative * b.abs());
+    found.len() == expected.len() && found.iter().flatten().zip(expected.iter().flatten()).all(close)
+}
+
+#[test]
+fn the_organ_colour_is_the_materials_when_vertices_have_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.glb");
+    let mut organs = organs();
+    organs[1].mesh.colors.clear();
+    organs[1].finish = Finish::Dry;
+    write(MeshFormat::Glb, &path, &organs);
+    let found = MeshFormat::Glb.read(&path).unwrap();
+    assert_eq!((found[0].color, found[0].finish), ([1.0; 3], Finish::Wet), "vertex colours are multiplied with white");
+    assert_eq!((found[1].color, found[1].finish), (organs[1].color, Finish::Dry));
+    let (json, _) = chunks(&path);
+    assert_eq!(json["materials"][0]["extensions"]["KHR_materials_ior"]["ior"], 1.38);
+    assert!(json["materials"][1].get("extensions").is_none());
+    let rough = |n: usize| json["materials"][n]["pbrMetallicRoughness"]["roughnessFactor"].as_f64().unwrap();
+    assert!(rough(0) < 0.5 && rough(1) > 0.8);
+}
+
+#[test]
+fn quantised_positions_keep_their_bound() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plain, path) = (folder.path().join("plain.glb"), folder.path().join("m.glb"));
+    let mut organs = organs();
+    // A plate: no extent along one axis.
+    organs[1].mesh.positions.iter_mut().for_each(|position| position[1] = 15.0);
+    let bound = quantization_error_mm(&organs);
+    assert!((4e-4..7e-4).contains(&bound), "a ball of 66 mm in 65535 steps: {bound}");
+    write_gltf(&plain, &organs, Precision::Float).unwrap();
+    write_gltf(&path, &organs, Precision::Quantized).unwrap();
+    let found = MeshFormat::Glb.read(&path).unwrap();
+    for (found, expected) in found.iter().zip(&organs) {
+        let (found, expected) = (&found.mesh, &expected.mesh);
+        assert!(near(&found.positions, &expected.positions, GLB_RELATIVE, 1.001 * bound as f32 + 1e-4));
+        assert!(!near(&found.positions, &expected.positions, GLB_RELATIVE, 0.5 * bound as f32), "it is quantised");
+        assert!(near(&found.displacements, &expected.displacements, 3e-7, 1e-6), "lengths are those of the organ");
+        let cosine = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+        let least = found.normals.iter().zip(&expected.normals).map(cosine).fold(1.0, f32::min);
+        assert!(least > 0.4_f32.to_radians().cos() - 1e-6, "{least}");
+        assert_eq!((&found.triangles, &found.labels), (&expected.triangles, &expected.labels));
+    }
+    let (json, _) = chunks(&path);
+    assert_eq!(json["extensionsRequired"], serde_json::json!(["KHR_mesh_quantization"]));
+    let size = |path: &Path| fs::metadata(path).unwrap().len();
+    assert!(size(&path) < size(&plain));
+}
+
+#[test]
+fn json_and_buffer_are_two_files_that_belong_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("my organs #1.gltf");
+    write(MeshFormat::Gltf, &path, &organs());
+    assert_eq!(entries(folder.path()), ["my organs #1.bin", "my organs #1.gltf"]);
+    let glb = folder.path().join("m.glb");
+    write(MeshFormat::Glb, &glb, &organs());
+    assert_eq!(MeshFormat::Gltf.read(&path).unwrap(), MeshFormat::Glb.read(&glb).unwrap());
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    assert_eq!(json["buffers"][0]["uri"], "my%20organs%20%231.bin");
+    // The buffer cut short, gone, and elsewhere.
+    let buffer = path.with_extension("bin");
+    let bytes = fs::read(&buffer).unwrap();
+    fs::write(&buffer, &bytes[..bytes.len() - 1]).unwrap();
+    let message = || MeshFormat::Gltf.read(&path).unwrap_err().to_string();
+    assert!(message().contains(&format!("its buffer has {} bytes", bytes.len())), "{}", message());
+    fs::remove_file(&buffer).unwrap();
+    assert!(message().contains("my organs #1.bin: could not read"), "{}", message());
+    let text = serde_json::to_string(&json).unwrap().replace("my%20organs%20%231.bin", "..%2Fother.bin");
+    fs::write(&path, text).unwrap();
+    assert!(message().contains("no file of the same folder"), "{}", message());
 }
 
 /// The JSON of a GLB, and its binary chunk.
@@ -230,6 +331,7 @@ fn glb_views_are_aligned_bounded_and_face_outward_in_gltf_space() {
     }
     assert_eq!(json["scenes"][0]["extras"]["unit"], "metre");
     let material = &json["materials"][0];
+    assert_eq!(json["asset"]["version"], "2.0");
     assert_eq!(
         (material["name"].as_str(), material["pbrMetallicRoughness"]["metallicFactor"].as_f64()),
         (Some("liver"), Some(0.0))

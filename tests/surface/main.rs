@@ -6,5 +6,6 @@ mod crossing;
 mod cuts;
 mod fuzz;
 mod measures;
+mod normals;
 mod support;
 mod walls;

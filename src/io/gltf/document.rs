@@ -1,45 +1,51 @@
-//! A GLB under construction: the JSON in memory, the binary chunk in a nameless temporary file of the target folder.
+//! A glTF document under construction: the JSON in memory, the buffer in a nameless temporary file of the target folder.
 //!
-//! The binary chunk follows the JSON in the file, but the JSON is known last; so bytes are spooled and copied once at the end.
+//! The buffer follows the JSON in a GLB, but the JSON is known last; so bytes are spooled and copied once at the end.
 //! The temporary file has no name, so nothing is left behind whatever happens.
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{self, BufWriter, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
+use gltf_json::animation::{Animation, Channel, Interpolation, Property, Sampler};
 use gltf_json::buffer::{Stride, Target};
 use gltf_json::extras::RawValue;
-use gltf_json::material::{PbrBaseColorFactor, StrengthFactor};
-use gltf_json::mesh::{Mode, Semantic};
+use gltf_json::mesh::Mode;
 use gltf_json::validation::Checked::Valid;
 use gltf_json::validation::USize64;
-use gltf_json::{Accessor, Animation, Buffer, Index, Material, Mesh, Node, Root, Scene, buffer, mesh};
+use gltf_json::{Accessor, Index, Material, Mesh, Node, Root, Scene, animation, buffer, mesh};
 
-use super::{CHUNK_BIN, CHUNK_JSON, MAGIC, VERSION, to_gltf};
+use super::container::Container;
+use super::material::material;
+use super::vertices::{Placing, Precision, largest_size};
 use crate::io::atomic;
+use crate::io::encode::{push_f32, write_records};
 use crate::io::mesh_error::{WriteMeshError, check_organ};
-use crate::surface::mesh::{OrganMesh, TriangleMesh};
+use crate::surface::mesh::OrganMesh;
 
 /// Lengths in a GLB are 32-bit.
 const LIMIT: u64 = u32::MAX as u64;
 /// Vertices from which triangles need 32-bit indices: 65535 marks a restart in 16-bit ones.
 const SHORT_INDICES: usize = 65_535;
-/// Neither wet nor dull: what reads as tissue in viewers with plain lights.
-const ROUGHNESS: f32 = 0.5;
-const SPACE: &str = r#"{"unit":"metre","axes":"+X patient left, +Y head, +Z front","patient_space":"RAS+ mm = (-1000 x, 1000 z, 1000 y)"}"#;
+const SPACE: &str = r#"{"unit":"metre","axes":"+X patient left, +Y head, +Z front","patient_space":"RAS+ mm = (-1000 x, 1000 z, 1000 y)","attributes":"_LABEL; _DISPLACEMENT m, from rest; _HU HU; _STRAIN 1; _SPEED m/s"}"#;
 
 /// See the module.
 pub(super) struct DocumentWriter {
     path: PathBuf,
+    container: Container,
+    precision: Precision,
     root: Root,
     spool: BufWriter<File>,
     /// Bytes spooled.
     bytes: u64,
     /// The most a file may hold; smaller in tests.
     limit: u64,
-    organs: BTreeMap<String, OrganState>,
+    indices: BTreeMap<String, (Vec<[u32; 3]>, Index<Accessor>)>,
+    /// Materials by organ, and whether its vertices bring their own colours.
+    materials: BTreeMap<(String, bool), Index<Material>>,
     /// What positions are stored relative to, glTF axes [m]; zero unless nodes add it again.
     origin: [f32; 3],
     /// The most organ meshes given at once, with triangles or not.
@@ -48,15 +54,8 @@ pub(super) struct DocumentWriter {
     torn: bool,
 }
 
-/// What later frames of an organ share with earlier ones.
-struct OrganState {
-    material: Index<Material>,
-    triangles: Vec<[u32; 3]>,
-    indices: Option<Index<Accessor>>,
-}
-
 impl DocumentWriter {
-    pub(super) fn create(path: &Path) -> Result<Self, WriteMeshError> {
+    pub(super) fn create(path: &Path, precision: Precision) -> Result<Self, WriteMeshError> {
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
@@ -65,8 +64,24 @@ impl DocumentWriter {
         let spool = BufWriter::with_capacity(1 << 20, spool.map_err(WriteMeshError::io(path))?);
         let mut root = Root::default();
         root.asset.generator = Some(format!("yawara {}", env!("CARGO_PKG_VERSION")));
-        let (path, organs) = (path.to_path_buf(), BTreeMap::new());
-        Ok(Self { path, root, spool, bytes: 0, limit: LIMIT, organs, origin: [0.0; 3], offered: 0, torn: false })
+        if precision == Precision::Quantized {
+            root.extensions_used.push("KHR_mesh_quantization".to_owned());
+            root.extensions_required.push("KHR_mesh_quantization".to_owned());
+        }
+        Ok(Self {
+            path: path.to_path_buf(),
+            container: Container::of(path),
+            precision,
+            root,
+            spool,
+            bytes: 0,
+            limit: LIMIT,
+            indices: BTreeMap::new(),
+            materials: BTreeMap::new(),
+            origin: [0.0; 3],
+            offered: 0,
+            torn: false,
+        })
     }
 
     #[cfg(test)]
@@ -79,12 +94,24 @@ impl DocumentWriter {
         self.origin = origin;
     }
 
+    pub(super) fn origin(&self) -> [f32; 3] {
+        self.origin
+    }
+
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
     pub(super) fn root(&mut self) -> &mut Root {
         &mut self.root
+    }
+
+    /// Refuses meshes that no writer takes, or that have no room in the file.
+    pub(super) fn check(&mut self, organs: &[OrganMesh]) -> Result<(), WriteMeshError> {
+        organs.iter().try_for_each(|organ| check_organ(&self.path, organ))?;
+        self.check_size(organs.iter().map(|organ| largest_size(&organ.mesh)).sum())?;
+        self.offered = self.offered.max(organs.len());
+        Ok(())
     }
 
     /// Adds a mesh and a node for every organ that has triangles.
@@ -95,13 +122,16 @@ impl DocumentWriter {
         organs: &[OrganMesh],
         node_name: impl Fn(&OrganMesh) -> String,
     ) -> Result<Vec<Index<Node>>, WriteMeshError> {
-        organs.iter().try_for_each(|organ| check_organ(&self.path, organ))?;
-        self.check_size(organs.iter().map(|organ| largest_size(&organ.mesh)).sum())?;
-        self.offered = self.offered.max(organs.len());
+        self.check(organs)?;
         let mut nodes = Vec::new();
         for organ in organs.iter().filter(|organ| !organ.mesh.triangles.is_empty()) {
-            let mesh = self.push_mesh(organ).map_err(|source| self.tear(source))?;
-            nodes.push(self.root.push(node(node_name(organ), Some(mesh), None)));
+            let (mesh, placing) = self.push_mesh(organ).map_err(|source| self.tear(source))?;
+            let mut node = node(node_name(organ), Some(mesh), None);
+            if let Some(Placing { translation, scale }) = placing {
+                node.translation = Some(translation);
+                node.scale = Some([scale; 3]);
+            }
+            nodes.push(self.root.push(node));
         }
         Ok(nodes)
     }
@@ -119,7 +149,7 @@ impl DocumentWriter {
         }
         Err(WriteMeshError::TooLarge {
             path: self.path.clone(),
-            format: "one GLB",
+            format: "one glTF file",
             what: "bytes",
             found,
             limit: self.limit,
@@ -127,34 +157,21 @@ impl DocumentWriter {
         })
     }
 
-    fn push_mesh(&mut self, organ: &OrganMesh) -> io::Result<Index<Mesh>> {
-        let OrganMesh { name, mesh, .. } = organ;
-        let to_metres = |v: &[f32; 3]| to_gltf(v.map(|x| f64::from(x) / 1000.0)).map(|x| x as f32);
-        let mut attributes = BTreeMap::new();
-        let origin = self.origin.map(f64::from);
-        let from_origin = |v: &[f32; 3]| {
-            let place = to_gltf(v.map(|x| f64::from(x) / 1000.0));
-            [0, 1, 2].map(|axis| (place[axis] - origin[axis]) as f32)
-        };
-        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(from_origin).collect();
-        attributes.insert(Valid(Semantic::Positions), self.vectors(&positions, true)?);
-        if !mesh.normals.is_empty() {
-            let normals: Vec<[f32; 3]> = mesh.normals.iter().map(unit_normal).collect();
-            attributes.insert(Valid(Semantic::Normals), self.vectors(&normals, false)?);
-        }
-        if !mesh.displacements.is_empty() {
-            let displacements: Vec<[f32; 3]> = mesh.displacements.iter().map(to_metres).collect();
-            let semantic = Semantic::Extras("DISPLACEMENT".to_string());
-            attributes.insert(Valid(semantic), self.vectors(&displacements, false)?);
-        }
-        if !mesh.labels.is_empty() {
-            // Vertex attributes start at multiples of four bytes, so a 16-bit label takes four.
-            let labels = mesh.labels.iter().map(|label| u32::from(*label).to_le_bytes());
-            let view = self.view(labels, Some(Target::ArrayBuffer), Some(Stride(4)))?;
-            let accessor = accessor(view, ComponentType::U16, Type::Scalar, mesh.labels.len());
-            attributes.insert(Valid(Semantic::Extras("LABEL".to_string())), self.root.push(accessor));
-        }
-        let (material, indices) = self.material_and_indices(organ)?;
+    fn push_mesh(&mut self, organ: &OrganMesh) -> io::Result<(Index<Mesh>, Option<Placing>)> {
+        let (attributes, placing) = self.push_vertices(&organ.mesh, self.origin, self.precision)?;
+        let mesh = self.push_primitive(organ, attributes, None)?;
+        Ok((mesh, placing))
+    }
+
+    /// Adds the mesh of an organ with attributes that are there already.
+    pub(super) fn push_primitive(
+        &mut self,
+        organ: &OrganMesh,
+        attributes: super::vertices::Attributes,
+        targets: Option<Vec<mesh::MorphTarget>>,
+    ) -> io::Result<Index<Mesh>> {
+        let (material, indices) = (self.push_material(organ), self.push_indices(organ)?);
+        let (extensions, extras, weights) = (None, None, None);
         let primitive = mesh::Primitive {
             attributes,
             extensions: None,
@@ -162,98 +179,141 @@ impl DocumentWriter {
             indices: Some(indices),
             material: Some(material),
             mode: Valid(Mode::Triangles),
-            targets: None,
+            targets,
         };
-        let (extensions, extras, weights) = (None, None, None);
-        Ok(self.root.push(Mesh { extensions, extras, name: Some(name.clone()), primitives: vec![primitive], weights }))
+        let name = Some(organ.name.clone());
+        Ok(self.root.push(Mesh { extensions, extras, name, primitives: vec![primitive], weights }))
     }
 
-    /// The organ's material, made once, and its triangles, written again only when they changed.
-    fn material_and_indices(&mut self, organ: &OrganMesh) -> io::Result<(Index<Material>, Index<Accessor>)> {
+    /// The organ's material, made once.
+    fn push_material(&mut self, organ: &OrganMesh) -> Index<Material> {
+        let key = (organ.name.clone(), !organ.mesh.colors.is_empty());
+        let root = &mut self.root;
+        *self.materials.entry(key).or_insert_with(|| {
+            let material = material(organ);
+            let used = material.extensions.iter().flat_map(|extensions| extensions.others.keys());
+            for extension in used {
+                if !root.extensions_used.contains(extension) {
+                    root.extensions_used.push(extension.clone());
+                }
+            }
+            root.push(material)
+        })
+    }
+
+    /// The organ's triangles, written again only when they changed.
+    fn push_indices(&mut self, organ: &OrganMesh) -> io::Result<Index<Accessor>> {
         let triangles = &organ.mesh.triangles;
-        if let Some(OrganState { material, triangles: last, indices: Some(indices) }) = self.organs.get(&organ.name)
+        if let Some((last, indices)) = self.indices.get(&organ.name)
             && last == triangles
         {
-            return Ok((*material, *indices));
+            return Ok(*indices);
         }
-        let count = 3 * triangles.len();
-        let corners = triangles.iter().flatten();
-        let indices = if organ.mesh.positions.len() < SHORT_INDICES {
-            let shorts = corners.map(|&corner| (corner as u16).to_le_bytes());
-            let view = self.view(shorts, Some(Target::ElementArrayBuffer), None)?;
-            accessor(view, ComponentType::U16, Type::Scalar, count)
+        let target = Some(Target::ElementArrayBuffer);
+        let (component, view) = if organ.mesh.positions.len() < SHORT_INDICES {
+            let view = self.view(triangles.len(), target, None, |range, bytes| {
+                for corners in &triangles[range] {
+                    bytes.extend_from_slice(corners.map(|corner| (corner as u16).to_le_bytes()).as_flattened());
+                }
+            });
+            (ComponentType::U16, view?)
         } else {
-            let view = self.view(corners.map(|corner| corner.to_le_bytes()), Some(Target::ElementArrayBuffer), None)?;
-            accessor(view, ComponentType::U32, Type::Scalar, count)
+            let view = self.view(triangles.len(), target, None, |range, bytes| {
+                for corners in &triangles[range] {
+                    bytes.extend_from_slice(corners.map(u32::to_le_bytes).as_flattened());
+                }
+            });
+            (ComponentType::U32, view?)
         };
-        let indices = self.root.push(indices);
-        let root = &mut self.root;
-        let state = self.organs.entry(organ.name.clone()).or_insert_with(|| OrganState {
-            material: root.push(material(organ)),
-            triangles: Vec::new(),
-            indices: None,
-        });
-        state.triangles.clone_from(triangles);
-        state.indices = Some(indices);
-        Ok((state.material, indices))
+        let indices = self.root.push(accessor(view, component, Type::Scalar, 3 * triangles.len()));
+        self.indices.insert(organ.name.clone(), (triangles.clone(), indices));
+        Ok(indices)
     }
 
     /// Adds an accessor of vectors for vertices, with their bounds where the standard wants them.
-    fn vectors(&mut self, vectors: &[[f32; 3]], bounds: bool) -> io::Result<Index<Accessor>> {
-        let bytes = vectors.iter().flatten().map(|x| x.to_le_bytes());
-        let view = self.view(bytes, Some(Target::ArrayBuffer), None)?;
-        let mut accessor = accessor(view, ComponentType::F32, Type::Vec3, vectors.len());
-        if bounds {
-            let fold = |f: fn(f32, f32) -> f32| {
-                vectors.iter().copied().reduce(|a, b| [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])])
-            };
-            accessor.min = fold(f32::min).map(|v| v.to_vec().into());
-            accessor.max = fold(f32::max).map(|v| v.to_vec().into());
+    pub(super) fn vectors(
+        &mut self,
+        count: usize,
+        bounds: Option<[[f32; 3]; 2]>,
+        vector: impl Fn(usize) -> [f32; 3] + Sync,
+    ) -> io::Result<Index<Accessor>> {
+        let view = self.view(count, Some(Target::ArrayBuffer), None, |range, bytes| {
+            range.for_each(|vertex| push_f32(bytes, vector(vertex)));
+        })?;
+        let mut accessor = accessor(view, ComponentType::F32, Type::Vec3, count);
+        if let Some([low, high]) = bounds {
+            accessor.min = Some(low.to_vec().into());
+            accessor.max = Some(high.to_vec().into());
         }
         Ok(self.root.push(accessor))
     }
 
-    /// Adds the key times of an animation [s].
-    pub(super) fn times(&mut self, times: &[f32]) -> io::Result<Index<Accessor>> {
-        let view = self.view(times.iter().map(|time| time.to_le_bytes()), None, None)?;
-        let mut accessor = accessor(view, ComponentType::F32, Type::Scalar, times.len());
-        accessor.min = times.first().map(|&first| vec![first].into());
-        accessor.max = times.last().map(|&last| vec![last].into());
-        Ok(self.root.push(accessor))
-    }
-
-    /// Adds the key scales of an animation.
-    pub(super) fn scales(&mut self, scales: &[f32]) -> io::Result<Index<Accessor>> {
-        let bytes = scales.iter().flat_map(|scale| [scale.to_le_bytes(); 3]);
-        let view = self.view(bytes, None, None)?;
-        Ok(self.root.push(accessor(view, ComponentType::F32, Type::Vec3, scales.len())))
-    }
-
-    /// Spools items at a multiple of four bytes, where every kind of number may begin.
-    fn view<const N: usize>(
+    /// Spools records at a multiple of four bytes, where every kind of number may begin.
+    pub(super) fn view(
         &mut self,
-        items: impl Iterator<Item = [u8; N]>,
+        count: usize,
         target: Option<Target>,
-        byte_stride: Option<Stride>,
+        stride: Option<usize>,
+        encode: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
     ) -> io::Result<Index<buffer::View>> {
         let padding = self.bytes.next_multiple_of(4) - self.bytes;
         self.spool.write_all(&[0; 4][..padding as usize])?;
         let start = self.bytes + padding;
-        self.bytes = start;
-        for item in items {
-            self.spool.write_all(&item)?;
-            self.bytes += N as u64;
-        }
+        let mut counted = Counted { out: &mut self.spool, bytes: 0 };
+        write_records(&mut counted, count, encode)?;
+        let length = counted.bytes;
+        self.bytes = start + length;
         Ok(self.root.push(buffer::View {
             buffer: Index::new(0),
-            byte_length: USize64(self.bytes - start),
+            byte_length: USize64(length),
             byte_offset: Some(USize64(start)),
-            byte_stride,
+            byte_stride: stride.map(Stride),
             name: None,
             target: target.map(Valid),
             extensions: None,
             extras: None,
         }))
+    }
+
+    /// Adds a channel of an animation: keys at growing times [s], with `width` numbers each, of which `three` make one element.
+    pub(super) fn channel(
+        &mut self,
+        animation: &mut Animation,
+        node: Index<Node>,
+        property: Property,
+        interpolation: Interpolation,
+        times: &[f32],
+        output: impl FnOnce(&mut Self) -> io::Result<Index<Accessor>>,
+    ) -> io::Result<()> {
+        let view = self.view(times.len(), None, None, |range, bytes| {
+            times[range].iter().for_each(|&time| push_f32(bytes, [time]));
+        })?;
+        let mut input = accessor(view, ComponentType::F32, Type::Scalar, times.len());
+        input.min = times.first().map(|&first| vec![first].into());
+        input.max = times.last().map(|&last| vec![last].into());
+        let (input, output) = (self.root.push(input), output(self)?);
+        let (extensions, extras) = (None, None);
+        let sampler = Index::new(animation.samplers.len() as u32);
+        animation.samplers.push(Sampler { extensions, extras, input, interpolation: Valid(interpolation), output });
+        let target = animation::Target { extensions: None, extras: None, node, path: Valid(property) };
+        animation.channels.push(Channel { sampler, target, extensions: None, extras: None });
+        Ok(())
+    }
+
+    /// Adds the channel that shows and hides a node: its scale is the key's number until the next key.
+    pub(super) fn visibility(
+        &mut self,
+        animation: &mut Animation,
+        node: Index<Node>,
+        keys: &[(f32, f32)],
+    ) -> io::Result<()> {
+        let (times, scales): (Vec<f32>, Vec<f32>) = keys.iter().copied().unzip();
+        self.channel(animation, node, Property::Scale, Interpolation::Step, &times, |document| {
+            let view = document.view(scales.len(), None, None, |range, bytes| {
+                scales[range].iter().for_each(|&scale| push_f32(bytes, [scale; 3]));
+            })?;
+            Ok(document.root.push(accessor(view, ComponentType::F32, Type::Vec3, scales.len())))
+        })
     }
 
     /// Writes the file: the scene's nodes, and the animation if there is one.
@@ -269,70 +329,53 @@ impl DocumentWriter {
             return Err(WriteMeshError::Empty { path: self.path, organs: self.offered });
         }
         self.root.animations.extend(animation);
-        self.root.buffers.push(Buffer {
-            byte_length: USize64(self.bytes),
-            name: None,
-            uri: None,
-            extensions: None,
-            extras: None,
-        });
+        self.root.buffers.push(buffer(self.bytes, self.container.buffer_uri(&self.path)));
         let extras = RawValue::from_string(SPACE.to_string()).map_err(io::Error::from);
         let extras = Some(extras.map_err(WriteMeshError::io(&self.path))?);
         let scene = self.root.push(Scene { extensions: None, extras, name: Some("yawara".to_string()), nodes });
         self.root.scene = Some(scene);
         let json = self.root.to_vec().map_err(io::Error::from).map_err(WriteMeshError::io(&self.path))?;
-        let json_length = json.len().next_multiple_of(4);
-        let bin_length = self.bytes.next_multiple_of(4);
-        let headers = 12 + 8 + 8;
-        self.check_size(headers + json_length as u64 + (bin_length - self.bytes))?;
-        let total = headers + json_length as u64 + bin_length;
-
-        let Self { path, spool, .. } = self;
-        let copy = |writer: &mut BufWriter<File>| -> io::Result<()> {
-            let mut spool = spool.into_inner().map_err(io::IntoInnerError::into_error)?;
-            spool.rewind()?;
-            // The size check above keeps all three within 32 bits.
-            for word in [MAGIC, VERSION, total as u32, json_length as u32, CHUNK_JSON] {
-                writer.write_all(&word.to_le_bytes())?;
-            }
-            writer.write_all(&json)?;
-            writer.write_all(&b"   "[..json_length - json.len()])?;
-            writer.write_all(&(bin_length as u32).to_le_bytes())?;
-            writer.write_all(&CHUNK_BIN.to_le_bytes())?;
-            let copied = io::copy(&mut spool, writer)?;
-            writer.write_all(&[0; 3][..(bin_length - copied) as usize])
-        };
-        atomic::write_file(&path, copy).map_err(WriteMeshError::io(&path))
+        // Headers and padding of a GLB.
+        self.check_size(json.len() as u64 + 40)?;
+        let Self { path, spool, bytes, container, .. } = self;
+        let write =
+            || container.write(&path, &json, spool.into_inner().map_err(io::IntoInnerError::into_error)?, bytes);
+        write().map_err(WriteMeshError::io(&path))
     }
 }
 
-/// The most bytes a mesh can take in the binary chunk.
-fn largest_size(mesh: &TriangleMesh) -> u64 {
-    let vectors = mesh.positions.len() + mesh.normals.len() + mesh.displacements.len() + mesh.triangles.len();
-    12 * vectors as u64 + 4 * mesh.labels.len() as u64
+/// Counts what goes through.
+struct Counted<'a, W> {
+    out: &'a mut W,
+    bytes: u64,
 }
 
-/// The normal in glTF axes at unit length, which the standard demands; one without length points up.
-fn unit_normal(normal: &[f32; 3]) -> [f32; 3] {
-    let turned = nalgebra::Vector3::from(to_gltf(normal.map(f64::from)));
-    let length = turned.norm();
-    if length > 0.0 { (turned / length).map(|x| x as f32).into() } else { [0.0, 1.0, 0.0] }
+impl<W: Write> Write for Counted<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
 }
 
-fn material(organ: &OrganMesh) -> Material {
-    let [r, g, b] = organ.color.map(|c| c.clamp(0.0, 1.0));
-    let mut material = Material { name: Some(organ.name.clone()), ..Material::default() };
-    material.pbr_metallic_roughness.base_color_factor = PbrBaseColorFactor([r, g, b, 1.0]);
-    material.pbr_metallic_roughness.metallic_factor = StrengthFactor(0.0);
-    material.pbr_metallic_roughness.roughness_factor = StrengthFactor(ROUGHNESS);
-    material
+fn buffer(bytes: u64, uri: Option<String>) -> gltf_json::Buffer {
+    gltf_json::Buffer { byte_length: USize64(bytes), name: None, uri, extensions: None, extras: None }
 }
 
 pub(super) fn node(name: String, mesh: Option<Index<Mesh>>, children: Option<Vec<Index<Node>>>) -> Node {
     Node { name: Some(name), mesh, children, ..Node::default() }
 }
 
-fn accessor(view: Index<buffer::View>, component: ComponentType, type_: Type, count: usize) -> Accessor {
+pub(super) fn animation() -> Animation {
+    let (channels, samplers) = (Vec::new(), Vec::new());
+    Animation { extensions: None, extras: None, channels, name: Some("run".to_string()), samplers }
+}
+
+pub(super) fn accessor(view: Index<buffer::View>, component: ComponentType, type_: Type, count: usize) -> Accessor {
     Accessor {
         buffer_view: Some(view),
         byte_offset: None,

@@ -14,7 +14,8 @@ use std::collections::{HashMap, HashSet};
 use super::knife::Knife;
 use crate::geometry::Vector3;
 use crate::lattice::build::corners;
-use crate::lattice::neighbours::direction_of;
+use crate::lattice::cells::cells_of_spring;
+use crate::lattice::neighbours::{OFFSETS, direction_of};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 
 /// A cell and the corners (one bit each, x fastest) that carry.
@@ -24,6 +25,9 @@ pub(super) struct Host {
     pub(super) cell: [i32; 3],
     pub(super) carrying: u8,
 }
+
+/// All eight corners.
+const ALL: u8 = u8::MAX;
 
 /// Finds hosts.
 pub(super) struct Hosts<'a> {
@@ -37,9 +41,11 @@ pub(super) struct Hosts<'a> {
 impl<'a> Hosts<'a> {
     pub(super) fn new(lattice: &'a Lattice, topology: &'a Topology, knife: &'a Knife) -> Self {
         let mut touched: HashSet<[i32; 3]> = knife.cells().collect();
+        let shape = lattice.grid.shape;
         for spring in topology.severed() {
-            let cells = lattice.cells_of_spring(spring.particle, usize::from(spring.direction));
-            touched.extend(cells.map(|low| lattice.ijk(low).map(|i| i as i32)));
+            let offset = OFFSETS[usize::from(spring.direction)];
+            let cells = cells_of_spring(shape, lattice.ijk(spring.particle), offset);
+            touched.extend(cells.map(|low| shape.ijk(low).map(|i| i as i32)));
         }
         Self { lattice, topology, knife, touched }
     }
@@ -47,30 +53,47 @@ impl<'a> Hosts<'a> {
     /// The host of a point, by its index coordinates in the lattice.
     pub(super) fn host(&self, point: Vector3) -> Host {
         let cell = self.cell(point);
-        let present = self.present(cell);
-        let carrying = if self.touched.contains(&cell) { self.side(cell, present, point) } else { present };
+        let carrying = if self.is_whole(cell) { ALL } else { self.side(cell, self.present(cell), point) };
         Host { cell, carrying }
     }
 
-    /// The same for a point whose cell a blade went into.
-    pub(super) fn host_if_touched(&self, point: Vector3) -> Option<Host> {
-        let own = [0, 1, 2].map(|axis| point[axis].floor() as i32);
-        self.touched.contains(&own).then(|| self.host(point))
+    /// Whether the cell that holds a point is whole: then the point hangs together with every neighbour whose cell is.
+    pub(super) fn is_plain(&self, point: Vector3) -> bool {
+        self.is_whole([0, 1, 2].map(|axis| point[axis].floor() as i32))
     }
 
-    /// Whether two hosts have corners in common, and none of them carries both.
-    pub(super) fn disagree(&self, a: Host, b: Host) -> bool {
-        let (ours, theirs) = (self.corners(a.cell), self.corners(b.cell));
-        let mut common = false;
-        for (i, &particle) in ours.iter().enumerate().filter(|(_, particle)| **particle != NO_PARTICLE) {
-            if let Some(j) = theirs.iter().position(|&other| other == particle) {
-                common = true;
-                if a.carrying >> i & 1 == 1 && b.carrying >> j & 1 == 1 {
-                    return false;
-                }
-            }
+    /// Whether no blade went into a cell, and all 28 springs between its corners are alive.
+    fn is_whole(&self, cell: [i32; 3]) -> bool {
+        let low = self.corners(cell)[0];
+        low != NO_PARTICLE && !self.touched.contains(&cell) && self.topology.whole_cell(self.lattice, low).is_some()
+    }
+
+    /// The host of a vertex: that of a point on its inside, or the cell that holds the vertex itself where no side is to be
+    /// chosen there. Beyond its own cell a map is continued, which is a few times less accurate.
+    pub(super) fn host_of_vertex(&self, inside: Vector3, vertex: Vector3) -> Host {
+        if self.is_plain(vertex) {
+            return Host { cell: [0, 1, 2].map(|axis| vertex[axis].floor() as i32), carrying: ALL };
         }
-        common
+        self.host(inside)
+    }
+
+    /// Whether two hosts have nothing to do with each other: no corner that carries is in both, and no living spring joins one
+    /// of the first to one of the second.
+    pub(super) fn are_apart(&self, a: Host, b: Host) -> bool {
+        let carrying = |host: Host| {
+            let corners = self.corners(host.cell);
+            (0..8).filter(move |corner| host.carrying >> corner & 1 == 1).map(move |corner| corners[corner])
+        };
+        carrying(a).all(|ours| {
+            let here = self.lattice.ijk(ours).map(|i| i as i32);
+            carrying(b).all(|theirs| {
+                let there = self.lattice.ijk(theirs).map(|i| i as i32);
+                let offset = [0, 1, 2].map(|axis| there[axis] - here[axis]);
+                let near = ours != theirs && offset.iter().all(|step| step.abs() <= 1);
+                let joined = near && self.topology.alive()[ours as usize] >> direction_of(offset) & 1 == 1;
+                ours != theirs && !joined
+            })
+        })
     }
 
     /// Particles of a cell's corners; [`NO_PARTICLE`] where there is none.

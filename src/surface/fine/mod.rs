@@ -8,7 +8,7 @@
 //! carriage    once per frame: one trilinear interpolation per vertex; normals turn with the deformation
 //! ```
 //! Whatever the lattice does, the mesh is closed, manifold and oriented: it is that of [`super::Surface`] on the fine grid. The
-//! springs of the lattice have the last word: points that none of its springs joins are parted even where the sheet has a gap.
+//! springs of the lattice have the last word: points whose cells no spring joins any more are parted even where the sheet has a gap.
 //! Pieces of the body without a particle of their own follow the nearest cell.
 //!
 //! Not guaranteed: that the two sides of a cut fit together to better than the curvature of the displacement over a cell.
@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use self::carry::{Carriage, Carried};
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
+use super::field_normals::{GradientOf, field_normals};
 use super::normals::Sheet;
 use super::{Surface, SurfaceError};
 use crate::cut::CutSheet;
@@ -115,18 +116,22 @@ impl FineSurface {
         for spring in knife.severed(fine, |index| frame.to_fine(index)) {
             cut.sever(fine, spring);
         }
-        for spring in disagreeing(fine, &cut, &hosts, &frame) {
-            cut.sever(fine, spring);
+        if !topology.severed().is_empty() {
+            for spring in parted(fine, &cut, &hosts, &frame) {
+                cut.sever(fine, spring);
+            }
         }
         let surface = Surface::extract_places(fine, &cut, &body.values)?;
         let rest: Vec<[f64; 3]> = surface.rest_places().collect();
         let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
-        let normals = surface.normals(&at_rest);
         let sheets: Vec<Sheet> = surface.sheets().collect();
+        let normals = rest_normals(body, &sheets, &rest, surface.normals(&at_rest))?;
         let anchors = surface.anchors();
-        let hosts_of: Vec<Host> = anchors.par_iter().map(|&anchor| hosts.host(frame.place_of(fine, anchor))).collect();
         let places: Vec<Vector3> =
             rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
+        let inside = anchors.par_iter().map(|&anchor| frame.place_of(fine, anchor));
+        let hosts_of: Vec<Host> =
+            inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
         let carriage = Carriage::bind(lattice, topology, &hosts, &hosts_of, &places);
         let (triangles, centres) = surface.into_triangles_and_centres();
         Ok(Self { rest, normals, triangles, sheets, centres, carriage })
@@ -174,6 +179,24 @@ impl FineSurface {
     }
 }
 
+/// Normals at rest: of the smoothed field on the skin, of the triangles on the faces of cuts and where the field is flat.
+fn rest_normals(
+    body: &Body,
+    sheets: &[Sheet],
+    rest: &[[f64; 3]],
+    of_triangles: Vec<[f32; 3]>,
+) -> Result<Vec<[f32; 3]>, SurfaceError> {
+    let Grid { shape, affine } = &body.points.grid;
+    let indices: Vec<[f64; 3]> = rest.par_iter().map(|&place| affine.index_of(Point3::from(place)).into()).collect();
+    let of_field = field_normals(*shape, affine, &body.values, GradientOf::Smoothed, &indices)?;
+    let choose = |((sheet, field), triangles): ((&Sheet, [f32; 3]), [f32; 3])| {
+        let along: f32 = (0..3).map(|axis| field[axis] * triangles[axis]).sum();
+        // Thin parts may be thinner than what the gradient is taken over, and look the wrong way.
+        if *sheet != Sheet::Seam && along > 0.5 { field } else { triangles }
+    };
+    Ok(sheets.par_iter().zip(of_field).zip(of_triangles).map(choose).collect())
+}
+
 /// From the indices of the fine grid to those of the lattice and back.
 struct Frame {
     linear: Matrix3,
@@ -204,22 +227,19 @@ impl Frame {
     }
 }
 
-/// Springs of the body that join points on different sides: of the corners that both cells have, none carries both ends.
-fn disagreeing(fine: &Lattice, cut: &Topology, hosts: &Hosts<'_>, frame: &Frame) -> Vec<SeveredSpring> {
-    let hosts_of: Vec<Option<Host>> = (0..fine.len() as u32)
-        .into_par_iter()
-        .map(|point| hosts.host_if_touched(frame.place_of(fine, point)))
-        .collect();
-    let hosts_of = &hosts_of;
-    let touched = (0..fine.len() as u32).into_par_iter().filter_map(|point| Some((point, hosts_of[point as usize]?)));
-    let parted = touched.flat_map_iter(|(point, here)| {
-        (FIRST_FORWARD..NEIGHBOURS).filter_map(move |direction| {
-            let alive = cut.alive()[point as usize] >> direction & 1 == 1;
-            let other = fine.neighbour(point, direction).filter(|_| alive)?;
-            let there = hosts_of[other as usize]?;
-            let spring = SeveredSpring { particle: point, direction: direction as u8, at: 0.5, time: 0.0 };
-            hosts.disagree(here, there).then_some(spring)
-        })
+/// Springs of the body between points whose hosts have been parted.
+fn parted(fine: &Lattice, cut: &Topology, hosts: &Hosts<'_>, frame: &Frame) -> Vec<SeveredSpring> {
+    let place = |point: u32| frame.place_of(fine, point);
+    let plain: Vec<bool> = (0..fine.len() as u32).into_par_iter().map(|point| hosts.is_plain(place(point))).collect();
+    let plain = &plain;
+    let springs = (0..fine.len() as u32).into_par_iter().flat_map_iter(|point| {
+        let alive = cut.alive()[point as usize];
+        let forward = (FIRST_FORWARD..NEIGHBOURS).filter(move |direction| alive >> direction & 1 == 1);
+        let ends = forward.filter_map(move |direction| Some((point, direction, fine.neighbour(point, direction)?)));
+        ends.filter(|&(point, _, other)| !(plain[point as usize] && plain[other as usize]))
     });
-    parted.collect()
+    springs
+        .filter(|&(point, _, other)| hosts.are_apart(hosts.host(place(point)), hosts.host(place(other))))
+        .map(|(particle, direction, _)| SeveredSpring { particle, direction: direction as u8, at: 0.5, time: 0.0 })
+        .collect()
 }

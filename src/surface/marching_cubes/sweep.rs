@@ -134,22 +134,29 @@ pub(crate) fn crossing_values<V: Default + Clone + Send>(
     let layers = split_layers(&mut out, &numbering.layers);
     layers.into_par_iter().enumerate().for_each(|(k, layer)| {
         let mut slots = layer.iter_mut();
-        for j in 0..bits.shape.ny + 2 {
-            for axis in 0..3 {
-                for w in 0..bits.words {
-                    let mut left = crossed(bits, axis, j, k, w);
-                    while left != 0 {
-                        let low = [64 * w + left.trailing_zeros() as usize, j, k];
-                        left &= left - 1;
-                        if let Some(slot) = slots.next() {
-                            *slot = make(crossing_at(bits, values, low, axis));
-                        }
-                    }
+        each_crossing(bits, k, |low, axis| {
+            if let Some(slot) = slots.next() {
+                *slot = make(crossing_at(bits, values, low, axis));
+            }
+        });
+    });
+    out
+}
+
+/// Visits the crossings of a layer in the order of their ids: lower end (padded indices) and axis.
+pub(crate) fn each_crossing(bits: &InsideBits, k: usize, mut visit: impl FnMut([usize; 3], usize)) {
+    for j in 0..bits.shape.ny + 2 {
+        for axis in 0..3 {
+            for w in 0..bits.words {
+                let mut left = crossed(bits, axis, j, k, w);
+                while left != 0 {
+                    let low = [64 * w + left.trailing_zeros() as usize, j, k];
+                    left &= left - 1;
+                    visit(low, axis);
                 }
             }
         }
-    });
-    out
+    }
 }
 
 /// The crossing on an edge that has one.

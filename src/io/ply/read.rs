@@ -1,127 +1,31 @@
-//! PLY files: vertices with normals, labels and displacements, and triangles by index.
-//!
-//! Ours are binary little endian, in patient millimetres, RAS+, and say so in their comments. All organs go into one file,
-//! one after the other; a comment per organ tells which vertices and triangles are its own. An attribute is written
-//! when every organ with vertices has it.
+//! Reads PLY: what was written, and the triangles of other programs.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
-    Addable, BeginList, ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyDef,
-    PropertyType, ScalarType,
+    BeginList, ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
-use ply_rs_bw::writer::Writer;
 
-use super::atomic;
-use super::mesh_error::{ReadMeshError, WriteMeshError, check_organs};
-use crate::surface::mesh::{OrganMesh, TriangleMesh};
-
-const FORMAT: &str = "PLY";
-
-/// Writes binary little-endian PLY [mm, RAS+].
-///
-/// Vertex properties: `x y z` [mm], `nx ny nz`, `label` (ushort), `displacement_x displacement_y displacement_z` [mm];
-/// faces: `vertex_indices` (uchar count, int indices).
-///
-/// # Errors
-/// If the meshes are inconsistent, not finite or empty, hold more than 2^31 - 1 vertices, or the file cannot be written.
-pub fn write_ply(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError> {
-    check_organs(path, organs)?;
-    let vertices: usize = organs.iter().map(|organ| organ.mesh.positions.len()).sum();
-    if i32::try_from(vertices).is_err() {
-        return Err(WriteMeshError::TooLarge {
-            path: path.to_path_buf(),
-            format: "PLY with int indices",
-            what: "vertices",
-            found: vertices as u64,
-            limit: i32::MAX as u64,
-            advice: "write one organ at a time",
-        });
-    }
-    let header = header(organs, vertices);
-    atomic::write_file(path, |writer| write_elements(writer, &header, organs)).map_err(WriteMeshError::io(path))
-}
-
-fn header(organs: &[OrganMesh], vertices: usize) -> Header {
-    let filled = || organs.iter().map(|organ| &organ.mesh).filter(|mesh| !mesh.positions.is_empty());
-    let float = |name: &&str| PropertyDef::new((*name).to_string(), PropertyType::Scalar(ScalarType::Float));
-    let mut vertex = ElementDef::new("vertex".to_string());
-    vertex.count = vertices;
-    ["x", "y", "z"].iter().map(float).for_each(|p| vertex.properties.add(p));
-    if filled().all(|mesh| !mesh.normals.is_empty()) {
-        ["nx", "ny", "nz"].iter().map(float).for_each(|p| vertex.properties.add(p));
-    }
-    if filled().all(|mesh| !mesh.labels.is_empty()) {
-        vertex.properties.add(PropertyDef::new("label".to_string(), PropertyType::Scalar(ScalarType::UShort)));
-    }
-    if filled().all(|mesh| !mesh.displacements.is_empty()) {
-        let names = ["displacement_x", "displacement_y", "displacement_z"];
-        names.iter().map(float).for_each(|p| vertex.properties.add(p));
-    }
-    let mut face = ElementDef::new("face".to_string());
-    face.count = organs.iter().map(|organ| organ.mesh.triangles.len()).sum();
-    let indices = PropertyType::List(ScalarType::UChar, ScalarType::Int);
-    face.properties.add(PropertyDef::new("vertex_indices".to_string(), indices));
-
-    let mut header = Header::new();
-    header.encoding = Encoding::BinaryLittleEndian;
-    header.comments = vec![
-        format!("written by yawara {}", env!("CARGO_PKG_VERSION")),
-        "unit mm; patient space RAS+: x to the patient's right, y to the front, z to the head".to_string(),
-        "displacement: from rest, mm".to_string(),
-    ];
-    let (mut first_vertex, mut first_face) = (0, 0);
-    for OrganMesh { name, mesh, .. } in organs {
-        let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
-        // Comments are ASCII and one line long; names need not be.
-        let name = name.escape_default();
-        header.comments.push(format!(
-            "organ \"{name}\": {vertices} vertices from {first_vertex}, {faces} faces from {first_face}"
-        ));
-        first_vertex += vertices;
-        first_face += faces;
-    }
-    header.elements.add(vertex);
-    header.elements.add(face);
-    header
-}
-
-fn write_elements(out: &mut impl Write, header: &Header, organs: &[OrganMesh]) -> io::Result<()> {
-    let (vertices, faces) = (Writer::<Vertex>::new(), Writer::<Triangle>::new());
-    vertices.write_header(out, header)?;
-    let meshes = || organs.iter().map(|organ| &organ.mesh);
-    for mesh in meshes() {
-        for (vertex, &position) in mesh.positions.iter().enumerate() {
-            let row = Vertex {
-                position,
-                normal: mesh.normals.get(vertex).copied().unwrap_or_default(),
-                label: mesh.labels.get(vertex).copied().unwrap_or_default(),
-                displacement: mesh.displacements.get(vertex).copied().unwrap_or_default(),
-            };
-            vertices.write_little_endian_element(out, &row, &header.elements["vertex"])?;
-        }
-    }
-    let mut first = 0;
-    for mesh in meshes() {
-        for corners in &mesh.triangles {
-            // Checked before the file was opened: the last vertex fits an int.
-            let row = Triangle(corners.map(|corner| (corner + first) as i32));
-            faces.write_little_endian_element(out, &row, &header.elements["face"])?;
-        }
-        first += mesh.positions.len() as u32;
-    }
-    Ok(())
-}
+use super::FORMAT;
+use crate::io::mesh_error::ReadMeshError;
+use crate::scene::color::linear;
+use crate::surface::mesh::TriangleMesh;
 
 /// One row of the vertex element.
+#[derive(Default)]
 struct Vertex {
     position: [f32; 3],
     normal: [f32; 3],
     label: u16,
     displacement: [f32; 3],
+    hu: f32,
+    strain: f32,
+    speed: f32,
+    /// sRGB.
+    color: [u8; 3],
 }
 
 impl Vertex {
@@ -137,14 +41,22 @@ impl Vertex {
             "displacement_x" => &mut self.displacement[0],
             "displacement_y" => &mut self.displacement[1],
             "displacement_z" => &mut self.displacement[2],
+            "hu" => &mut self.hu,
+            "strain" => &mut self.strain,
+            "speed" => &mut self.speed,
             _ => return None,
         })
+    }
+
+    fn is_finite(&self) -> bool {
+        let vectors = [self.position, self.normal, self.displacement, [self.hu, self.strain, self.speed]];
+        vectors.iter().flatten().all(|x| x.is_finite())
     }
 }
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
-        Self { position: [0.0; 3], normal: [0.0; 3], label: 0, displacement: [0.0; 3] }
+        Self::default()
     }
 
     fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
@@ -157,6 +69,14 @@ impl PropertyAccess for Vertex {
 
     fn set_ushort(&mut self, name: &str, value: u16) -> PropertyAccessResult {
         self.set_property(name, Property::UShort(value))
+    }
+
+    fn set_uchar(&mut self, name: &str, value: u8) -> PropertyAccessResult {
+        match COLOR.iter().position(|color| *color == name) {
+            Some(place) => self.color[place] = value,
+            None => return self.set_property(name, Property::UChar(value)),
+        }
+        PropertyAccessResult::Set
     }
 
     /// What other programs may write in place of our types.
@@ -184,39 +104,10 @@ impl PropertyAccess for Vertex {
             }
         }
     }
-
-    fn get_float(&self, name: &str) -> Option<f32> {
-        Some(match name {
-            "x" => self.position[0],
-            "y" => self.position[1],
-            "z" => self.position[2],
-            "nx" => self.normal[0],
-            "ny" => self.normal[1],
-            "nz" => self.normal[2],
-            "displacement_x" => self.displacement[0],
-            "displacement_y" => self.displacement[1],
-            "displacement_z" => self.displacement[2],
-            _ => return None,
-        })
-    }
-
-    fn get_ushort(&self, name: &str) -> Option<u16> {
-        (name == "label").then_some(self.label)
-    }
 }
 
-/// One row of the face element, as written.
-struct Triangle([i32; 3]);
-
-impl PropertyAccess for Triangle {
-    fn new() -> Self {
-        Self([0; 3])
-    }
-
-    fn get_list_int(&self, name: &str) -> Option<&[i32]> {
-        (name == "vertex_indices").then_some(&self.0)
-    }
-}
+/// Colours are bytes, in sRGB, as other programs take them to be.
+const COLOR: [&str; 3] = ["red", "green", "blue"];
 
 /// One row of the face element, as read: of any number of corners.
 #[derive(Default)]
@@ -258,7 +149,8 @@ impl PropertyAccess for Skipped {
     }
 }
 
-/// Reads ASCII or binary PLY with triangles: positions, and normals, labels and displacements where present.
+/// Reads ASCII or binary PLY with triangles: positions, and the vertex properties of [`write_ply`](super::write_ply) where
+/// present.
 ///
 /// Numbers of any type are taken; other properties and elements are stepped over.
 ///
@@ -276,6 +168,13 @@ pub fn read_ply(path: &Path) -> Result<TriangleMesh, ReadMeshError> {
         return Err(malformed(format!("vertices have no property '{missing}'")));
     }
     let has = |name: &str| vertex.properties.contains_key(name);
+    let [normals, labels, displacements] = ["nx", "label", "displacement_x"].map(has);
+    let [hu, strain, speed] = ["hu", "strain", "speed"].map(has);
+    let byte = |name: &&str| {
+        let property = vertex.properties.get(*name).map(|property| &property.data_type);
+        property == Some(&PropertyType::Scalar(ScalarType::UChar))
+    };
+    let colored = COLOR.iter().all(byte);
     let mut mesh = TriangleMesh::default();
     for element in header.elements.values() {
         if element.properties.is_empty() && element.count > 0 {
@@ -283,19 +182,29 @@ pub fn read_ply(path: &Path) -> Result<TriangleMesh, ReadMeshError> {
         }
         match element.name.as_str() {
             "vertex" => rows(&mut input, header.encoding, element, |row: Vertex, at| {
-                let finite = [row.position, row.normal, row.displacement].iter().flatten().all(|x| x.is_finite());
-                if !finite {
-                    return Err(format!("vertex {at} at {:?} has a coordinate that is not finite", row.position));
+                if !row.is_finite() {
+                    return Err(format!("vertex {at} at {:?} has a number that is not finite", row.position));
                 }
                 mesh.positions.push(row.position);
-                if has("nx") {
+                if normals {
                     mesh.normals.push(row.normal);
                 }
-                if has("label") {
+                if labels {
                     mesh.labels.push(row.label);
                 }
-                if has("displacement_x") {
+                if displacements {
                     mesh.displacements.push(row.displacement);
+                }
+                let numbers = [
+                    (hu, &mut mesh.hu, row.hu),
+                    (strain, &mut mesh.strains, row.strain),
+                    (speed, &mut mesh.speeds, row.speed),
+                ];
+                for (_, list, value) in numbers.into_iter().filter(|(there, ..)| *there) {
+                    list.push(value);
+                }
+                if colored {
+                    mesh.colors.push(row.color.map(linear));
                 }
                 Ok(())
             }),

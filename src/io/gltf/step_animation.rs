@@ -1,22 +1,20 @@
-//! A whole run as one animated GLB, written frame by frame.
+//! A whole run in one file, a mesh per frame and organ, written frame by frame.
 
 use std::path::Path;
 
-use gltf_json::animation::{Animation, Channel, Interpolation, Property, Sampler, Target};
-use gltf_json::validation::Checked::Valid;
-use gltf_json::{Index, Node};
+use gltf_json::{Animation, Index, Node};
 
-use super::document::{DocumentWriter, node};
-use super::to_gltf;
+use super::document::{self, DocumentWriter, node};
+use super::vertices::{Precision, bounds, place};
 use crate::io::mesh_error::WriteMeshError;
 use crate::surface::mesh::OrganMesh;
 
-/// Writes an animation frame by frame; the file appears at [`finish`](AnimatedGlbWriter::finish), whole, or never.
+/// Writes an animation frame by frame; the file appears at [`finish`](StepAnimationWriter::finish), whole, or never.
 ///
 /// Memory holds one copy of each organ's last triangles and the JSON (about 2 kB per frame and organ), not the frames.
 /// An organ's triangles are stored again only when they changed since its last frame. Each frame is shown from its time to
 /// the next frame's; the last as long as the one before.
-pub struct AnimatedGlbWriter {
+pub struct StepAnimationWriter {
     document: DocumentWriter,
     frames: Vec<Frame>,
     /// Middle of the first frame, glTF axes [m]. Hidden frames shrink to this place; at the file's origin, often far outside the
@@ -29,13 +27,13 @@ struct Frame {
     node: Index<Node>,
 }
 
-impl AnimatedGlbWriter {
+impl StepAnimationWriter {
     /// Begins an animation that will be at `path`.
     ///
     /// # Errors
     /// If no temporary file can be made in the folder of `path`.
-    pub fn create(path: &Path) -> Result<Self, WriteMeshError> {
-        Ok(Self { document: DocumentWriter::create(path)?, frames: Vec::new(), middle: None })
+    pub fn create(path: &Path, precision: Precision) -> Result<Self, WriteMeshError> {
+        Ok(Self { document: DocumentWriter::create(path, precision)?, frames: Vec::new(), middle: None })
     }
 
     /// Adds a frame at a time [s]. An organ is known by its name; one without triangles is left out of the frame.
@@ -45,12 +43,7 @@ impl AnimatedGlbWriter {
     /// frame is refused and the animation can go on without it. If the temporary file cannot be written: then it cannot.
     pub fn push_frame(&mut self, time: f64, organs: &[OrganMesh]) -> Result<(), WriteMeshError> {
         let frame = self.frames.len();
-        let previous = self.frames.last().map_or(f64::NEG_INFINITY, |frame| frame.time);
-        // Keys are stored in single precision and must still grow there.
-        if !((time as f32).is_finite() && time >= 0.0 && time as f32 > previous as f32) {
-            let path = self.document.path().to_path_buf();
-            return Err(WriteMeshError::FrameTime { path, frame, time, previous });
-        }
+        check_time(self.document.path(), frame, time, self.frames.last().map(|frame| frame.time))?;
         if self.middle.is_none() {
             self.middle = middle(organs);
             self.document.set_origin(self.middle.unwrap_or_default());
@@ -89,7 +82,7 @@ impl AnimatedGlbWriter {
     }
 
     fn animation(&mut self) -> Result<Animation, WriteMeshError> {
-        let (mut channels, mut samplers) = (Vec::new(), Vec::new());
+        let mut animation = document::animation();
         let times: Vec<f32> = self.frames.iter().map(|frame| frame.time as f32).collect();
         let (first, last) = (times[0], times[times.len() - 1]);
         let end = last + (last - times[times.len() - 2]);
@@ -99,28 +92,31 @@ impl AnimatedGlbWriter {
                 keys.insert(0, (first, 0.0));
             }
             keys.push(times.get(at + 1).map_or((end, 1.0), |&next| (next, 0.0)));
-            let (times, scales): (Vec<f32>, Vec<f32>) = keys.into_iter().unzip();
-            let input = self.document.times(&times).map_err(|source| self.document.tear(source))?;
-            let output = self.document.scales(&scales).map_err(|source| self.document.tear(source))?;
-            let (extensions, extras) = (None, None);
-            samplers.push(Sampler { extensions, extras, input, interpolation: Valid(Interpolation::Step), output });
-            let target = Target { extensions: None, extras: None, node: frame.node, path: Valid(Property::Scale) };
-            channels.push(Channel { sampler: Index::new(at as u32), target, extensions: None, extras: None });
+            let written = self.document.visibility(&mut animation, frame.node, &keys);
+            written.map_err(|source| self.document.tear(source))?;
         }
-        Ok(Animation { extensions: None, extras: None, channels, name: Some("run".to_string()), samplers })
+        Ok(animation)
     }
 }
 
+/// Refuses times [s] that an animation cannot have. Keys are stored in single precision and must still grow there.
+pub(super) fn check_time(path: &Path, frame: usize, time: f64, previous: Option<f64>) -> Result<(), WriteMeshError> {
+    let previous = previous.unwrap_or(f64::NEG_INFINITY);
+    if (time as f32).is_finite() && time >= 0.0 && time as f32 > previous as f32 {
+        return Ok(());
+    }
+    Err(WriteMeshError::FrameTime { path: path.to_path_buf(), frame, time, previous })
+}
+
 /// Middle of the box around all vertices, glTF axes [m]; `None` without a vertex or with one that is not finite.
-fn middle(organs: &[OrganMesh]) -> Option<[f32; 3]> {
-    let places = || organs.iter().flat_map(|organ| &organ.mesh.positions);
-    let middle = [0, 1, 2].map(|axis| {
-        let (low, high) = places().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| {
-            (low.min(place[axis].into()), high.max(place[axis].into()))
-        });
-        f64::midpoint(low, high) / 1000.0
+pub(super) fn middle(organs: &[OrganMesh]) -> Option<[f32; 3]> {
+    let boxes = organs.iter().filter_map(|organ| {
+        let positions = &organ.mesh.positions;
+        bounds(positions.len(), |vertex| place(positions[vertex], [0.0; 3]))
     });
-    let middle = to_gltf(middle).map(|x| x as f32);
+    let corners: Vec<[f32; 3]> = boxes.flatten().collect();
+    let [low, high] = bounds(corners.len(), |corner| corners[corner])?;
+    let middle = [0, 1, 2].map(|axis| f32::midpoint(low[axis], high[axis]));
     middle.iter().all(|x| x.is_finite()).then_some(middle)
 }
 
@@ -136,7 +132,7 @@ mod tests {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let mesh = TriangleMesh { positions, triangles: vec![[0, 1, 2]], ..TriangleMesh::default() };
         let organs = [OrganMesh { name: "liver".into(), color: [1.0; 3], finish: Finish::Wet, mesh }];
-        let mut writer = AnimatedGlbWriter::create(&path).unwrap();
+        let mut writer = StepAnimationWriter::create(&path, Precision::Float).unwrap();
         writer.document.set_limit(100);
         writer.push_frame(0.0, &organs).unwrap();
         writer.push_frame(0.1, &organs).unwrap();
@@ -146,13 +142,13 @@ mod tests {
         assert_eq!(writer.len(), 2, "the refused frame is not counted");
         writer.document.set_limit(10_000);
         writer.finish().unwrap();
-        assert_eq!(super::super::GlbReader::open(&path).unwrap().frames(), 2);
+        assert_eq!(super::super::GltfReader::open(&path).unwrap().frames(), 2);
     }
 
     #[test]
     fn a_torn_document_is_not_finished() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = AnimatedGlbWriter::create(&folder.path().join("run.glb")).unwrap();
+        let mut writer = StepAnimationWriter::create(&folder.path().join("run.glb"), Precision::Float).unwrap();
         writer.document.tear(std::io::Error::other("disk full"));
         assert!(matches!(writer.finish(), Err(WriteMeshError::Unfinished { .. })));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

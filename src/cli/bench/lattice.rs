@@ -1,34 +1,21 @@
-//! `yawara bench`: speed of the parts that matter.
+//! `yawara bench lattice`: steps of a full cube of particles.
 
 use std::time::Instant;
 
 use anyhow::bail;
 use serde_json::json;
 
-use super::args::{BenchCommand, BenchLatticeArguments, BenchSurfaceArguments};
-use super::exit::Outcome;
-use super::messages::out;
+use super::super::args::BenchLatticeArguments;
+use super::super::messages::out;
 use crate::dynamics::World;
 use crate::geometry::{Affine, Grid, GridShape, Vector3};
 use crate::kernel::dispatch::instruction_set;
 use crate::lattice::build::build;
 use crate::material::paper::{PaperBody, assemble};
-use crate::surface::marching_cubes;
 use crate::volume::Volume;
 
-/// Best of this many extractions is reported.
-const SURFACE_RUNS: usize = 5;
-
-pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
-    match command {
-        BenchCommand::Lattice(arguments) => lattice(arguments),
-        BenchCommand::Surface(arguments) => surface(arguments),
-    }?;
-    Ok(Outcome::Done)
-}
-
 /// A cube of n^3 particles: mass 1 kg, spacing 1 m, stiffness 10 N/m, stretched by 0.1 % along x, dt 0.01 s.
-fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
+pub(super) fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
     let BenchLatticeArguments { n, steps, json } = *arguments;
     if !(2..=800).contains(&n) || steps == 0 {
         bail!("--n is {n} and --steps {steps}; expected n from 2 to 800 and at least one step");
@@ -82,48 +69,5 @@ fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
         instruction_set(),
         world.bytes_per_particle(),
         moved / f64::from(particles)
-    ))
-}
-
-fn surface(arguments: &BenchSurfaceArguments) -> anyhow::Result<()> {
-    let BenchSurfaceArguments { n, json } = *arguments;
-    if !(2..=1024).contains(&n) {
-        bail!("--n is {n}; expected grid points along an edge from 2 to 1024");
-    }
-    let axis: Vec<f32> = (0..n).map(|i| (2.0 * i as f64 / (n - 1) as f64 - 1.0) as f32).collect();
-    let shape = GridShape::new(n, n, n);
-    let values: Vec<f32> = (0..shape.len())
-        .map(|linear| {
-            let [x, y, z] = shape.ijk(linear).map(|i| axis[i]);
-            0.7 - (x * x + y * y + z * z).sqrt() + 0.08 * (20.0 * x).sin() * (20.0 * y).sin() * (20.0 * z).sin()
-        })
-        .collect();
-    let affine = Affine::from_spacing([1.0; 3], [0.0; 3])?;
-    let mut best = f64::INFINITY;
-    let mut counts = (0, 0);
-    for _ in 0..SURFACE_RUNS {
-        let began = Instant::now();
-        let mesh = marching_cubes(shape, &affine, &values)?;
-        best = best.min(began.elapsed().as_secs_f64());
-        counts = (mesh.positions.len(), mesh.triangles.len());
-    }
-    let report = json!({
-        "peer": concat!("yawara ", env!("CARGO_PKG_VERSION")),
-        "n": n,
-        "threads": rayon::current_num_threads(),
-        "seconds": best,
-        "voxels_per_s": shape.len() as f64 / best,
-        "vertices": counts.0,
-        "triangles": counts.1,
-    });
-    if json {
-        return out(&report.to_string());
-    }
-    out(&format!(
-        "{:.1} ms (best of {SURFACE_RUNS}) for {n}^3 values: {} vertices, {} triangles, with normals, {} threads",
-        best * 1e3,
-        counts.0,
-        counts.1,
-        rayon::current_num_threads()
     ))
 }

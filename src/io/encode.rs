@@ -1,0 +1,60 @@
+//! Many like records to bytes: chunks are encoded side by side and written in order.
+
+use std::io::{self, Write};
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+/// Records that one task encodes; fixed, so that the work is divided the same way at any number of threads.
+const CHUNK: usize = 16_384;
+/// Chunks in memory at once. With 50 to 100 bytes per record that is some 10 MB, whatever the mesh.
+const BATCH: usize = 8;
+
+/// Writes records `0..count`: `encode` appends the bytes of a range of them.
+///
+/// The bytes are those of `encode(0..count)`, provided that a record's bytes do not depend on the range it is in.
+///
+/// # Errors
+/// Those of `out`.
+pub(super) fn write_records(
+    out: &mut impl Write,
+    count: usize,
+    encode: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
+) -> io::Result<()> {
+    let mut buffers: Vec<Vec<u8>> = vec![Vec::new(); BATCH.min(count.div_ceil(CHUNK))];
+    for first in (0..count).step_by(BATCH * CHUNK) {
+        buffers.par_iter_mut().enumerate().for_each(|(chunk, bytes)| {
+            let start = (first + chunk * CHUNK).min(count);
+            bytes.clear();
+            encode(start..(start + CHUNK).min(count), bytes);
+        });
+        buffers.iter().try_for_each(|bytes| out.write_all(bytes))?;
+    }
+    Ok(())
+}
+
+/// Appends numbers, least significant byte first.
+pub(super) fn push_f32<const N: usize>(bytes: &mut Vec<u8>, values: [f32; N]) {
+    bytes.extend_from_slice(values.map(f32::to_le_bytes).as_flattened());
+}
+
+/// Appends text, as `write!` forms it.
+pub(super) fn push_text(bytes: &mut Vec<u8>, text: std::fmt::Arguments) {
+    bytes.write_fmt(text).expect("memory takes every byte");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_are_written_in_order_whatever_their_number() {
+        for count in [0, 1, CHUNK, CHUNK + 1, 2 * BATCH * CHUNK + 7] {
+            let encode = |range: Range<usize>, bytes: &mut Vec<u8>| range.for_each(|n| push_f32(bytes, [n as f32]));
+            let (mut found, mut expected) = (Vec::new(), Vec::new());
+            write_records(&mut found, count, encode).unwrap();
+            encode(0..count, &mut expected);
+            assert!(found == expected, "{count} records");
+        }
+    }
+}

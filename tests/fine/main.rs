@@ -1,0 +1,9 @@
+//! Surfaces finer than the lattice that carries them.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod bodies;
+mod carrying;
+mod cuts;
+mod organs;
