@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::paint::PaintArguments;
 use super::surface::SurfaceArguments;
+use crate::look::colormap::Colormap;
 use crate::slice::SliceAxis;
 
 /// Turns a CT volume into a soft organ that can be pushed, pulled and cut, and gives back surfaces.
@@ -157,21 +158,53 @@ impl std::str::FromStr for FrameChoice {
 /// Draw a slice of a volume or a run as PNG.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  yawara slice ct.nii.gz -o axial.png --axis z --at 0\n  \
-                        yawara slice outputs/demo/run -o cut.png --axis z --at 0 --frame last\n\n\
+                        yawara slice outputs/demo/run -o cut.png --axis z --at 0 --frame last\n  \
+                        yawara slice outputs/demo/run -o moved.png --axis z --at 0 --color displacement --tint 0.6\n  \
+                        yawara slice outputs/demo/run -o all.png --axis z --montage 4x2 --from -60 --to 60\n  \
+                        yawara slice outputs/demo/run -o 'cut_{frame}.png' --axis z --at 0 --frame all\n  \
+                        yawara slice ct.nii.gz -o oblique.png --point 40,20,0 --normal 1,1,0\n\n\
                         Axial slices are seen from the feet, coronal ones from the front: the patient's right is on the \
                         left of the picture. Sagittal slices are seen from the left.")]
 pub(super) struct SliceArguments {
     /// NIfTI volume, an image or a label map, or run directory.
     pub(super) source: PathBuf,
-    /// PNG file to write.
+    /// PNG file to write; `{frame}` in its name stands for the number of each frame.
     #[arg(long, short)]
     pub(super) output: PathBuf,
     /// Axis across the slice: x sagittal, y coronal, z axial.
-    #[arg(long, value_enum)]
-    pub(super) axis: AxisChoice,
-    /// Coordinate of the slice on that axis, RAS+ [mm].
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
-    pub(super) at: f64,
+    #[arg(long, value_enum, required_unless_present = "point")]
+    pub(super) axis: Option<AxisChoice>,
+    /// Coordinate of the slice on that axis, RAS+ [mm]; given several times, the slices stand side by side.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, required_unless_present_any = ["point", "from"])]
+    pub(super) at: Vec<f64>,
+    /// Many slices in one picture, this many side by side and above each other; with --from and --to.
+    #[arg(long, value_name = "COLUMNSxROWS", value_parser = columns_rows, requires = "from", conflicts_with = "at")]
+    pub(super) montage: Option<[usize; 2]>,
+    /// Coordinate of the first slice of a montage [mm].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, requires = "to", requires = "montage")]
+    pub(super) from: Option<f64>,
+    /// Coordinate of the last slice of a montage [mm].
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, requires = "from")]
+    pub(super) to: Option<f64>,
+    /// A point of an oblique slice, RAS+ [mm]; with --normal, instead of --axis and --at.
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "normal")]
+    #[arg(conflicts_with_all = ["axis", "at", "from"])]
+    pub(super) point: Option<[f64; 3]>,
+    /// Direction from an oblique slice towards the viewer, RAS+.
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "point")]
+    pub(super) normal: Option<[f64; 3]>,
+    /// What is up in an oblique slice, RAS+ [default: the head, or the front in slices nearly across the body].
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "point")]
+    pub(super) up: Option<[f64; 3]>,
+    /// What the colours over the grey CT of a run show.
+    #[arg(long, value_enum, default_value_t = SliceColor::Organ)]
+    pub(super) color: SliceColor,
+    /// Values at the ends of the colour bar, in its unit [default: 0 to the largest of the frames].
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    pub(super) range: Option<[f32; 2]>,
+    /// Colour map: grey, viridis, inferno or coolwarm.
+    #[arg(long, default_value_t = Colormap::Viridis, value_name = "NAME")]
+    pub(super) colormap: Colormap,
     /// Edge of a pixel [mm] [default: so that the longer side has about 800, and no voxel is left out].
     #[arg(long, value_name = "MM")]
     pub(super) pixel: Option<f64>,
@@ -187,8 +220,8 @@ pub(super) struct SliceArguments {
     /// Strength of the tint, from 0 (grey) to 1.
     #[arg(long, default_value_t = 0.25, value_name = "SHARE")]
     pub(super) tint: f64,
-    /// Frame of a run: a number from 0, or `last`.
-    #[arg(long, default_value = "last", value_name = "N|last", allow_negative_numbers = true)]
+    /// Frame of a run: a number from 0, `last`, or `all` (one picture each; put {frame} into the name).
+    #[arg(long, default_value = "last", value_name = "N|last|all", allow_negative_numbers = true)]
     pub(super) frame: FrameChoice,
     /// Show the volume at rest, not carried by the deformation of the run.
     #[arg(long)]
@@ -196,9 +229,45 @@ pub(super) struct SliceArguments {
     /// Leave out the contours of the surfaces.
     #[arg(long)]
     pub(super) no_contour: bool,
-    /// Leave out letters and scale bar.
+    /// Leave out letters, title, scale bar, names and colour bar.
     #[arg(long)]
     pub(super) plain: bool,
+}
+
+/// What the colours of a slice show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum SliceColor {
+    /// The organs, up to their surfaces, each in its colour.
+    Organ,
+    /// Nothing: the grey CT alone.
+    Hu,
+    /// Every label of the label map.
+    Label,
+    /// How far the tissue has moved from rest [mm].
+    Displacement,
+    /// Equivalent strain of the tissue.
+    Strain,
+}
+
+/// Reads `X,Y,Z`.
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let parts: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    parts.and_then(|parts| parts.try_into().ok()).ok_or_else(|| "expected three numbers, such as 10,-20,30".to_owned())
+}
+
+/// Reads `LOW,HIGH`.
+fn range(text: &str) -> Result<[f32; 2], String> {
+    let ends = text.split_once(',').and_then(|(low, high)| Some([low.trim().parse().ok()?, high.trim().parse().ok()?]));
+    let usable = |&[low, high]: &[f32; 2]| low < high && low.is_finite() && high.is_finite();
+    ends.filter(usable).ok_or_else(|| "expected two numbers, the lower one first, such as 0,25".to_owned())
+}
+
+/// Reads `COLUMNSxROWS`.
+fn columns_rows(text: &str) -> Result<[usize; 2], String> {
+    let counts = text.split_once('x').and_then(|(columns, rows)| Some([columns.parse().ok()?, rows.parse().ok()?]));
+    let usable = |counts: &[usize; 2]| counts.iter().all(|count| (1..=64).contains(count));
+    counts.filter(usable).ok_or_else(|| "expected columns and rows from 1 to 64, such as 4x3".to_owned())
 }
 
 /// A patient axis.

@@ -119,6 +119,14 @@ impl Canvas {
         block.paint(scale, |x, y, alpha| self.blend_offset(left, top, x, y, color, alpha), (left.fract(), top.fract()));
     }
 
+    /// Writes one line of text with a seam of another colour, `[ink, shade]`, so that it can be read on anything.
+    pub(crate) fn outlined(&mut self, text: &str, place: Place, height: f64, align: Align, [ink, shade]: [Color; 2]) {
+        for [x, y] in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]] {
+            self.text(text, [place[0] + x, place[1] + y], height, align, shade);
+        }
+        self.text(text, place, height, align, ink);
+    }
+
     /// Writes one line of text that runs upward; `place` is at its middle.
     pub(crate) fn text_upward(&mut self, text: &str, place: Place, height: f64, color: Color) {
         let block = TextBlock::new(text);

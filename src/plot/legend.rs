@@ -19,34 +19,37 @@ impl Legend<'_> {
     /// Draws them, unless the picture is so small that they would cover it.
     pub(crate) fn draw(&self, canvas: &mut Canvas) {
         let [width, height] = canvas.size();
-        let text = (width.min(height) / 24.0).clamp(12.0, 40.0);
-        if width < 8.0 * text || height < 8.0 * text {
-            return;
-        }
-        let mut write = |letters: &str, place: [f64; 2], align: Align| {
-            for shift in [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]] {
-                canvas.text(letters, [place[0] + shift[0], place[1] + shift[1]], text, align, self.shade);
-            }
-            canvas.text(letters, place, text, align, self.ink);
+        let Some(text) = text_height(canvas) else { return };
+        let mut write = |letters: &str, place: [f64; 2], text: f64, align: Align| {
+            canvas.outlined(letters, place, text, align, [self.ink, self.shade]);
         };
         let margin = 0.4 * text;
         let [left, right, top, bottom] = self.letters;
-        write(left, [margin, height / 2.0], Align::Left);
-        write(right, [width - margin, height / 2.0], Align::Right);
-        write(top, [width / 2.0, margin + 0.5 * text], Align::Center);
-        write(bottom, [width / 2.0, height - margin - 0.5 * text], Align::Center);
-        write(self.caption, [margin, margin + 0.5 * text], Align::Left);
+        write(left, [margin, height / 2.0], text, Align::Left);
+        write(right, [width - margin, height / 2.0], text, Align::Right);
+        write(top, [width / 2.0, margin + 0.5 * text], text, Align::Center);
+        write(bottom, [width / 2.0, height - margin - 0.5 * text], text, Align::Center);
+        // As large as fits beside the letters in the middle: a character is half as wide as high.
+        let room = 2.0 * (0.5 * width - 3.0 * text) / self.caption.chars().count().max(1) as f64;
+        write(self.caption, [margin, margin + 0.5 * text], text.min(room), Align::Left);
 
         let bar_mm = bar_length(0.3 * width * self.pixel_mm);
         let bar = bar_mm / self.pixel_mm;
         let (start, middle) =
             ([width - 2.0 * margin - bar, height - 2.0 * margin], [width - 2.0 * margin - bar / 2.0, 0.0]);
-        write(&format!("{bar_mm} mm"), [middle[0], start[1] - 0.8 * text], Align::Center);
+        write(&format!("{bar_mm} mm"), [middle[0], start[1] - 0.8 * text], text, Align::Center);
         let thick = (text / 7.0).max(2.0);
         let around = ([start[0] - 1.0, start[1] - thick - 1.0], [start[0] + bar + 1.0, start[1] + 1.0]);
         canvas.fill(around.0, around.1, self.shade, 1.0);
         canvas.fill([start[0], start[1] - thick], [start[0] + bar, start[1]], self.ink, 1.0);
     }
+}
+
+/// Height of the letters on a picture [px]; `None` where they would cover it.
+pub(crate) fn text_height(canvas: &Canvas) -> Option<f64> {
+    let [width, height] = canvas.size();
+    let text = (width.min(height) / 24.0).clamp(12.0, 40.0);
+    (width >= 8.0 * text && height >= 8.0 * text).then_some(text)
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above `most` [mm].

@@ -6,6 +6,7 @@
 //! Not a plotting library: one pair of axes, lines with or without marks.
 
 pub(crate) mod canvas;
+pub mod color_bar;
 mod csv;
 mod draw;
 pub(crate) mod legend;

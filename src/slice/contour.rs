@@ -1,34 +1,34 @@
 //! Where a plane cuts a triangle mesh.
 
-use super::SliceAxis;
+use super::Plane;
 use crate::geometry::Point3;
 use crate::surface::mesh::TriangleMesh;
 
-/// The segments in which a plane across a patient axis cuts a mesh, RAS+ [mm], in the order of its triangles.
+/// The segments in which a plane cuts a mesh, RAS+ [mm], in the order of its triangles. Seen by the viewer, the inside of a
+/// mesh lies always on the same side of its segments.
 ///
 /// Vertices that lie exactly in the plane count as just above it. So each triangle gives one segment or none, and a closed mesh
 /// gives closed lines, whatever touches the plane; segments may have no length. Both triangles at an edge compute its
 /// crossing from the same numbers in the same order, so that segments meet exactly.
-pub fn contour(mesh: &TriangleMesh, axis: SliceAxis, at_mm: f64) -> Vec<[Point3; 2]> {
-    let height = |vertex: u32| f64::from(mesh.positions[vertex as usize][axis.index()]) - at_mm;
+pub fn contour(mesh: &TriangleMesh, plane: &Plane) -> Vec<[Point3; 2]> {
     let place = |vertex: u32| Point3::from(mesh.positions[vertex as usize].map(f64::from));
+    let height = |vertex: u32| plane.height(place(vertex));
     let crossing = |a: u32, b: u32| {
         let (low, high) = (a.min(b), a.max(b));
         let (below, above) = (height(low), height(high));
-        let mut point = place(low) + (place(high) - place(low)) * (below / (below - above));
-        point[axis.index()] = at_mm;
-        point
+        plane.onto(place(low) + (place(high) - place(low)) * (below / (below - above)))
     };
     let segment = |&[a, b, c]: &[u32; 3]| {
         let above = [a, b, c].map(|vertex| height(vertex) >= 0.0);
         // The vertex alone on its side, then the other two in order.
-        let [alone, next, last] = match above {
+        let ([alone, next, last], is_above) = match above {
             [p, q, r] if p == q && q == r => return None,
-            [p, q, r] if q == r && p != q => [a, b, c],
-            [p, _, r] if p == r => [b, c, a],
-            _ => [c, a, b],
+            [p, q, r] if q == r && p != q => ([a, b, c], p),
+            [p, q, r] if p == r => ([b, c, a], q),
+            [_, _, r] => ([c, a, b], r),
         };
-        Some([crossing(alone, next), crossing(alone, last)])
+        let ends = [crossing(alone, next), crossing(alone, last)];
+        Some(if is_above { ends } else { [ends[1], ends[0]] })
     };
     mesh.triangles.iter().filter_map(segment).collect()
 }
@@ -36,6 +36,7 @@ pub fn contour(mesh: &TriangleMesh, axis: SliceAxis, at_mm: f64) -> Vec<[Point3;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::slice::SliceAxis;
     use std::collections::HashMap;
 
     /// An octahedron with vertices in the planes at 0.
@@ -65,20 +66,23 @@ mod tests {
     fn lines_are_closed_even_through_vertices_and_edges() {
         for axis in [SliceAxis::X, SliceAxis::Y, SliceAxis::Z] {
             for at in [-0.5, 0.0, 0.3, 0.999] {
-                let segments = contour(&octahedron(), axis, at);
+                let segments = contour(&octahedron(), &Plane::across(axis, at));
                 assert!(!segments.is_empty());
                 assert!(ends(&segments).values().all(|count| count % 2 == 0), "{axis} {at}");
                 assert!(segments.iter().flatten().all(|end| end[axis.index()] == at));
             }
         }
         // The equator: four edges of length sqrt 2.
-        let length: f64 = contour(&octahedron(), SliceAxis::Z, 0.0).iter().map(|[a, b]| (a - b).norm()).sum();
+        let length: f64 =
+            contour(&octahedron(), &Plane::across(SliceAxis::Z, 0.0)).iter().map(|[a, b]| (a - b).norm()).sum();
         assert!((length - 4.0 * 2f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]
     fn planes_that_touch_or_miss_give_no_length() {
-        let length = |at| contour(&octahedron(), SliceAxis::Z, at).iter().map(|[a, b]| (a - b).norm()).sum::<f64>();
+        let length = |at| {
+            contour(&octahedron(), &Plane::across(SliceAxis::Z, at)).iter().map(|[a, b]| (a - b).norm()).sum::<f64>()
+        };
         assert_eq!([length(1.0), length(-1.0), length(1.1), length(-1.1)], [0.0; 4]);
     }
 }

@@ -9,11 +9,17 @@
 //! ends half-way to them. So a closed cut is closed; the blade itself may have gone up to half a pitch beside the border that
 //! is drawn. Cells of material end at their corners, particles that are voxels reach half a pitch beyond themselves.
 //!
-//! Where tissue overlaps itself (two lips pushed into each other), the cell with the lower number is shown.
+//! Where closed surfaces of the organs are given, they decide what is tissue, and the pieces only say which: see
+//! [`InverseMap::carried_within`].
+//!
+//! Where tissue overlaps itself (two lips pushed into each other), whole tetrahedra come before parted ones, then the cell with
+//! the lower number.
+
+use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
-use super::{Raster, SliceAxis};
+use super::{Raster, Section};
 use crate::geometry::{Matrix3, Point3, Vector3};
 use crate::lattice::build::NO_ORGAN;
 use crate::lattice::neighbours::{ALL_ALIVE, direction_of};
@@ -29,6 +35,8 @@ const TETRAHEDRA: [[usize; 4]; 6] =
 const BAND: usize = 16;
 /// Cells that one task looks through.
 const CHUNK: usize = 1 << 14;
+/// As much tissue as a whole tetrahedron has, but for rounding.
+const WHOLE: f64 = 1.0 - 1e-6;
 /// Slack of the inside test [barycentric], so that a pixel on a shared face is in at least one tetrahedron.
 const SLACK: f64 = 1e-9;
 
@@ -47,6 +55,7 @@ pub enum Carried {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CarriedRaster {
     pixels: Vec<Carried>,
+    values: Vec<f32>,
 }
 
 impl CarriedRaster {
@@ -54,12 +63,18 @@ impl CarriedRaster {
     pub fn from_fn(raster: &Raster, map: impl Fn(Point3) -> Carried + Sync) -> Self {
         let width = raster.width as usize;
         let pixel = |at: usize| map(raster.place((at % width) as u32, (at / width) as u32));
-        Self { pixels: (0..raster.len()).into_par_iter().map(pixel).collect() }
+        Self { pixels: (0..raster.len()).into_par_iter().map(pixel).collect(), values: Vec::new() }
     }
 
     /// The pixels, row by row from the upper left. Shape `[height, width]`.
     pub fn pixels(&self) -> &[Carried] {
         &self.pixels
+    }
+
+    /// Values of the particles under the pixels, see [`InverseMap::with_values`]; NaN where there is no tissue. Shape
+    /// `[height, width]`, or empty without values.
+    pub fn values(&self) -> &[f32] {
+        &self.values
     }
 }
 
@@ -72,6 +87,8 @@ pub struct InverseMap<'a> {
     gradients: Vec<AxisDisplacements>,
     /// Index among the gradients of each particle, or `u32::MAX`.
     gradient_at: Vec<u32>,
+    /// A value per particle to carry along, or empty.
+    values: &'a [f32],
 }
 
 /// The eight corners of a cell, x fastest.
@@ -88,11 +105,35 @@ struct Piece {
     inside: [Vector3; 3],
     /// Rest place: the same form, RAS+ [mm].
     rest: [Vector3; 3],
+    /// Carried value: the same form.
+    value: Vector3,
     /// Corners without tissue of this piece.
     beyond: [bool; 4],
     columns: [usize; 2],
     rows: [usize; 2],
 }
+
+/// The tissue of a pixel.
+#[derive(Debug, Clone, Copy)]
+struct Hit {
+    /// How much of it is tissue by the corners of its tetrahedron that hold together, up to 1.
+    tissue: f64,
+    rest: Point3,
+    value: f32,
+}
+
+/// A tetrahedron to paint.
+struct Corners {
+    /// Places now, RAS+ [mm].
+    place: [Point3; 4],
+    /// Rest places, RAS+ [mm].
+    rest: [Point3; 4],
+    value: [f64; 4],
+    beyond: [bool; 4],
+}
+
+/// Tissue ends half-way between a corner that holds it and one that does not.
+const HALF_WAY: f64 = 0.5;
 
 impl<'a> InverseMap<'a> {
     /// The map of a state: displacements from rest of each particle, RAS+ [mm], shape `[particles]`.
@@ -116,22 +157,65 @@ impl<'a> InverseMap<'a> {
             gradients = found.evaluate(lattice, displacements);
             border.iter().zip(index).for_each(|(&particle, at)| gradient_at[particle as usize] = at);
         }
-        Self { lattice, topology, displacements, gradients, gradient_at }
+        Self { lattice, topology, displacements, gradients, gradient_at, values: &[] }
+    }
+
+    /// Carries a value of each particle along, linear in every tetrahedron and apart on both sides of a cut. Shape `[particles]`.
+    ///
+    /// # Panics
+    /// If there is not one value per particle.
+    #[must_use]
+    pub fn with_values(self, values: &'a [f32]) -> Self {
+        assert_eq!(values.len(), self.lattice.len(), "one value per particle");
+        Self { values, ..self }
     }
 
     /// Rest places under the pixels of a slice: O(cells + pixels), the same at any number of threads.
     pub fn carried(&self, raster: &Raster) -> CarriedRaster {
-        let now = self.paint(raster, true);
-        let then = self.paint(raster, false);
-        let state = |(now, then): (Option<Point3>, Option<Point3>)| match (now, then) {
-            (Some(rest), _) => Carried::From(rest),
+        let now = self.paint(raster, true, HALF_WAY);
+        let then = self.paint(raster, false, HALF_WAY);
+        let state = |(now, then): (&Option<Hit>, Option<Hit>)| match (now, then) {
+            (Some(hit), _) => Carried::From(hit.rest),
             (None, Some(_)) => Carried::Left,
             (None, None) => Carried::Elsewhere,
         };
-        CarriedRaster { pixels: now.into_par_iter().zip(then).map(state).collect() }
+        CarriedRaster { pixels: now.par_iter().zip(then).map(state).collect(), values: self.values_of(&now) }
     }
 
-    fn paint(&self, raster: &Raster, deformed: bool) -> Vec<Option<Point3>> {
+    /// Rest places under the pixels of a slice whose tissue is what closed surfaces hold, now and at rest: cuts open and organs
+    /// end exactly where the surfaces do.
+    ///
+    /// Where a surface reaches beyond all tetrahedra (by less than a pitch: it is smooth, and lips lie where the blade
+    /// went) the nearest pixel inside is carried on without strain. O(cells + pixels), the same at any number of threads.
+    ///
+    /// # Panics
+    /// If the sections were made for other rasters.
+    pub fn carried_within(&self, raster: &Raster, now: &Section, then: &Section) -> CarriedRaster {
+        assert!([now, then].iter().all(|section| section.len() == raster.len()), "sections of the same raster");
+        let mut hits = self.paint(raster, true, 0.0);
+        hits.par_iter_mut().enumerate().for_each(|(pixel, hit)| {
+            if now.organ(pixel).is_none() {
+                *hit = None;
+            }
+        });
+        carry_on(&mut hits, raster, now);
+        let state = |(pixel, hit): (usize, &Option<Hit>)| match (hit, now.organ(pixel).or(then.organ(pixel))) {
+            (Some(hit), _) => Carried::From(hit.rest),
+            (None, Some(_)) => Carried::Left,
+            (None, None) => Carried::Elsewhere,
+        };
+        CarriedRaster { pixels: hits.par_iter().enumerate().map(state).collect(), values: self.values_of(&hits) }
+    }
+
+    fn values_of(&self, hits: &[Option<Hit>]) -> Vec<f32> {
+        if self.values.is_empty() {
+            return Vec::new();
+        }
+        hits.iter().map(|hit| hit.map_or(f32::NAN, |hit| hit.value)).collect()
+    }
+
+    /// The piece with most tissue at each pixel, where that is at least `least`.
+    fn paint(&self, raster: &Raster, deformed: bool, least: f64) -> Vec<Option<Hit>> {
         let points = self.lattice.grid.shape.len();
         let chunks: Vec<Vec<Piece>> = (0..points.div_ceil(CHUNK))
             .into_par_iter()
@@ -158,8 +242,11 @@ impl<'a> InverseMap<'a> {
                 for row in piece.rows[0].max(first)..=piece.rows[1].min(first + count - 1) {
                     for column in piece.columns[0]..=piece.columns[1] {
                         let pixel = &mut pixels[(row - first) * width + column];
-                        if pixel.is_none() {
-                            *pixel = piece.rest(column, row);
+                        if pixel.is_none_or(|hit: Hit| hit.tissue < WHOLE)
+                            && let Some(hit) = piece.hit(column, row, least)
+                            && pixel.is_none_or(|best| hit.tissue > best.tissue)
+                        {
+                            *pixel = Some(hit);
                         }
                     }
                 }
@@ -183,13 +270,12 @@ impl<'a> InverseMap<'a> {
             return;
         }
         let cell = Cell { particle, rest: points.map(|point| lattice.grid.place(point)) };
-        let axis = raster.plane.axis.index();
         // Corners without a particle are put at most four pitches from one, the largest stretch of a gradient.
         let missing = particle.contains(&NO_PARTICLE) || deformed;
         let reach = if missing { 4.0 * 3.0_f64.sqrt() * lattice.pitch * 1e3 } else { 0.0 };
         let height = (0..CORNERS)
             .filter(|&c| particle[c] != NO_PARTICLE)
-            .map(|c| self.place(&cell, c, deformed)[axis] - raster.plane.at_mm);
+            .map(|c| raster.plane.height(self.place(&cell, c, deformed)));
         let (low, high) = height.fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
         if low > reach || high < -reach {
             return;
@@ -201,14 +287,16 @@ impl<'a> InverseMap<'a> {
             let rest = tetrahedron.map(|c| cell.rest[c]);
             if whole {
                 let place = tetrahedron.map(|c| self.place(&cell, c, deformed));
-                pieces.extend(Piece::new(raster, place, rest, [false; 4]));
+                let value = tetrahedron.map(|c| self.value(&cell, c));
+                pieces.extend(Piece::new(raster, Corners { place, rest, value, beyond: [false; 4] }));
                 continue;
             }
             for group in self.groups(&cell, tetrahedron, parted).into_iter().filter(|&group| group != 0) {
                 let place = |corner: usize| self.place_with(&cell, tetrahedron, group, corner, deformed, parted);
                 if let [Some(a), Some(b), Some(c), Some(d)] = [place(0), place(1), place(2), place(3)] {
                     let beyond = [0, 1, 2, 3].map(|corner| group >> corner & 1 == 0);
-                    pieces.extend(Piece::new(raster, [a, b, c, d], rest, beyond));
+                    let value = self.values_with(&cell, tetrahedron, beyond);
+                    pieces.extend(Piece::new(raster, Corners { place: [a, b, c, d], rest, value, beyond }));
                 }
             }
         }
@@ -230,6 +318,18 @@ impl<'a> InverseMap<'a> {
             return cell.rest[corner];
         }
         cell.rest[corner] + Vector3::from(self.displacements[cell.particle[corner] as usize].map(f64::from))
+    }
+
+    /// Carried value of a corner that holds a particle.
+    fn value(&self, cell: &Cell, corner: usize) -> f64 {
+        self.values.get(cell.particle[corner] as usize).map_or(0.0, |&value| f64::from(value))
+    }
+
+    /// Carried values of a group's corners, and their mean at the corners beyond.
+    fn values_with(&self, cell: &Cell, tetrahedron: [usize; 4], beyond: [bool; 4]) -> [f64; 4] {
+        let own = || (0..4).filter(|&corner| !beyond[corner]).map(|corner| self.value(cell, tetrahedron[corner]));
+        let mean = own().sum::<f64>() / own().count() as f64;
+        [0, 1, 2, 3].map(|corner| if beyond[corner] { mean } else { self.value(cell, tetrahedron[corner]) })
     }
 
     /// The groups of tissue corners of a tetrahedron that hold together, one bit per corner; 0 where there is none.
@@ -301,9 +401,8 @@ impl<'a> InverseMap<'a> {
 }
 
 impl Piece {
-    fn new(raster: &Raster, place: [Point3; 4], rest: [Point3; 4], beyond: [bool; 4]) -> Option<Self> {
-        let axis: SliceAxis = raster.plane.axis;
-        let height = place.map(|p| p[axis.index()] - raster.plane.at_mm);
+    fn new(raster: &Raster, Corners { place, rest, value, beyond }: Corners) -> Option<Self> {
+        let height = place.map(|p| raster.plane.height(p));
         // The box of the section: corners in the plane and crossings of edges.
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let mut include = |point: Point3| {
@@ -338,20 +437,59 @@ impl Piece {
         let inside = [inverse * (raster.first - place[0]), inverse * raster.column, inverse * raster.row];
         let back = edges(&rest);
         let [constant, column, row] = inside.map(|barycentric| back * barycentric);
+        let steps = Vector3::new(value[1], value[2], value[3]) - Vector3::repeat(value[0]);
+        let along = inside.map(|barycentric| steps.dot(&barycentric));
+        let value = Vector3::new(value[0] + along[0], along[1], along[2]);
         let rest = [rest[0].coords + constant, column, row];
-        inside.iter().all(|v| v.iter().all(|x| x.is_finite())).then_some(Self { inside, rest, beyond, columns, rows })
+        inside.iter().all(|v| v.iter().all(|x| x.is_finite())).then_some(Self {
+            inside,
+            rest,
+            value,
+            beyond,
+            columns,
+            rows,
+        })
     }
 
-    fn rest(&self, column: usize, row: usize) -> Option<Point3> {
-        let at = |[constant, per_column, per_row]: &[Vector3; 3]| {
-            constant + per_column * column as f64 + per_row * row as f64
-        };
+    fn hit(&self, column: usize, row: usize, least: f64) -> Option<Hit> {
+        let (column, row) = (column as f64, row as f64);
+        let at = |[constant, per_column, per_row]: &[Vector3; 3]| constant + per_column * column + per_row * row;
         let [b, c, d]: [f64; 3] = at(&self.inside).into();
         let shares = [1.0 - b - c - d, b, c, d];
-        // Tissue reaches half-way to a corner beyond; the share is continuous across tetrahedra, so the border is too.
+        // The share of tissue is continuous across tetrahedra, so the border is too.
         let tissue: f64 = (0..4).filter(|&corner| !self.beyond[corner]).map(|corner| shares[corner]).sum();
-        let inside = shares.iter().all(|&share| share >= -SLACK) && tissue >= 0.5;
-        inside.then(|| Point3::from(at(&self.rest)))
+        let inside = shares.iter().all(|&share| share >= -SLACK) && tissue >= least;
+        let value = || (self.value[0] + self.value[1] * column + self.value[2] * row) as f32;
+        inside.then(|| Hit { tissue, rest: Point3::from(at(&self.rest)), value: value() })
+    }
+}
+
+/// Gives the pixels of a section that have no tissue that of the nearest one in the same organ, by steps to the four pixels
+/// around, moved on by as much as lies between them.
+fn carry_on(hits: &mut [Option<Hit>], raster: &Raster, section: &Section) {
+    let (width, height) = (raster.width as usize, raster.height as usize);
+    let around = |pixel: usize| {
+        let (column, row) = (pixel % width, pixel / width);
+        [
+            (column > 0).then(|| (pixel - 1, -raster.column)),
+            (column + 1 < width).then(|| (pixel + 1, raster.column)),
+            (row > 0).then(|| (pixel - width, -raster.row)),
+            (row + 1 < height).then(|| (pixel + width, raster.row)),
+        ]
+    };
+    let bare = |hits: &[Option<Hit>], pixel: usize| hits[pixel].is_none() && section.organ(pixel).is_some();
+    let known = |hits: &[Option<Hit>], pixel: usize| hits[pixel].is_some();
+    let at_border =
+        |pixel: &usize| known(hits, *pixel) && around(*pixel).into_iter().flatten().any(|(other, _)| bare(hits, other));
+    let mut queue: VecDeque<usize> = (0..hits.len()).filter(at_border).collect();
+    while let Some(pixel) = queue.pop_front() {
+        let Some(hit) = hits[pixel] else { continue };
+        for (other, step) in around(pixel).into_iter().flatten() {
+            if hits[other].is_none() && section.organ(other).is_some() && section.organ(other) == section.organ(pixel) {
+                hits[other] = Some(Hit { rest: hit.rest + step, ..hit });
+                queue.push_back(other);
+            }
+        }
     }
 }
 

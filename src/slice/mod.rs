@@ -1,6 +1,15 @@
 //! A plane of a volume, at rest or carried by the deformed lattice, as a picture.
 //!
-//! Planes follow the patient's axes whatever way the voxels lie. The view is the radiological one and does not change:
+//! ```text
+//! raster     the pixels of a plane in patient space
+//! contour    where the plane cuts the closed surfaces of the organs
+//! section    which organ's surface holds each pixel
+//! deformed   where the tissue of each pixel was at rest
+//! picture    greys of the CT there, colours, lines, letters and bars
+//! montage    several of them in one
+//! ```
+//!
+//! Planes follow the patient's axes whatever way the voxels lie, or any direction ([`ObliquePlane`]). The view is the radiological one and does not change:
 //! - across x (sagittal): front at the left, head at the top;
 //! - across y (coronal): the patient's right at the left of the picture, head at the top;
 //! - across z (axial): the patient's right at the left of the picture, front at the top.
@@ -10,12 +19,15 @@
 
 pub mod contour;
 pub mod deformed;
+pub mod montage;
 mod picture;
 mod raster;
 mod sample;
+mod section;
 
-pub use picture::{SlicePicture, Tint, Window};
-pub use raster::{Raster, SliceAxis, SlicePlane};
+pub use picture::{Organs, Overlay, SlicePicture, Tint, Window};
+pub use raster::{ObliquePlane, Plane, Raster, SliceAxis, SlicePlane};
+pub use section::Section;
 
 /// Why a slice was not drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -32,6 +44,29 @@ pub enum SliceError {
         min_mm: f64,
         /// The volume's highest coordinate [mm].
         max_mm: f64,
+    },
+    /// An oblique plane misses the volume.
+    #[error(
+        "the plane through {} mm across {} misses the volume; take a point inside it",
+        triple(point_mm),
+        triple(normal)
+    )]
+    Missed {
+        /// A point of the plane, RAS+ [mm].
+        point_mm: [f64; 3],
+        /// Its normal.
+        normal: [f64; 3],
+    },
+    /// Normal and up do not span a plane.
+    #[error(
+        "a plane with normal {} and up {} has no direction; give a normal that is not zero, and another direction for up",
+        triple(normal), up.map_or("the default".to_owned(), |up| triple(&up))
+    )]
+    Directions {
+        /// The normal.
+        normal: [f64; 3],
+        /// What was to be up.
+        up: Option<[f64; 3]>,
     },
     /// A pixel has no usable size.
     #[error("a pixel of {pixel_mm} mm cannot be drawn; give a size above 0, such as the volume's spacing")]
@@ -72,6 +107,10 @@ pub enum SliceError {
     },
 }
 
+fn triple([x, y, z]: &[f64; 3]) -> String {
+    format!("({x}, {y}, {z})")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,6 +121,14 @@ mod tests {
             (
                 SliceError::Outside { axis: SliceAxis::X, at_mm: 12.5, min_mm: -3.0, max_mm: 4.0 }.to_string(),
                 vec!["across x at 12.5 mm", "-3 to 4 mm"],
+            ),
+            (
+                SliceError::Missed { point_mm: [1.5, 2.0, 3.0], normal: [0.0, 1.0, 0.0] }.to_string(),
+                vec!["(1.5, 2, 3) mm", "(0, 1, 0)"],
+            ),
+            (
+                SliceError::Directions { normal: [0.0; 3], up: Some([0.0, 2.0, 0.0]) }.to_string(),
+                vec!["normal (0, 0, 0)", "up (0, 2, 0)"],
             ),
             (SliceError::PixelSize { pixel_mm: -1.0 }.to_string(), vec!["-1 mm"]),
             (

@@ -8,10 +8,11 @@ use rayon::prelude::*;
 use super::contour::contour;
 use super::deformed::{Carried, CarriedRaster};
 use super::sample::{nearest, trilinear};
-use super::{Raster, SliceError};
+use super::{Raster, Section, SliceError};
 use crate::geometry::Point3;
-use crate::plot::canvas::{Canvas, Color, mix, srgb};
-use crate::plot::legend::Legend;
+use crate::plot::canvas::{Align, Canvas, Color, mix, srgb};
+use crate::plot::color_bar::ColorBar;
+use crate::plot::legend::{Legend, text_height};
 use crate::surface::mesh::TriangleMesh;
 use crate::volume::{CtVolume, LabelVolume};
 
@@ -55,6 +56,26 @@ pub struct Tint {
     pub alpha: f64,
 }
 
+/// The organs of a slice, coloured up to their surfaces.
+#[derive(Clone, Copy)]
+pub struct Organs<'a> {
+    /// Which organ holds each pixel.
+    pub section: &'a Section,
+    /// Name and colour, linear RGB in 0..=1, of each organ of the section.
+    pub list: &'a [(&'a str, [f32; 3])],
+    /// From 0, all grey, to 1, all colour.
+    pub alpha: f64,
+}
+
+/// Values over the CT, where tissue carries them.
+#[derive(Clone, Copy)]
+pub struct Overlay<'a> {
+    /// Colours and range of the values of [`CarriedRaster::values`]; drawn beside the picture's other marks.
+    pub bar: &'a ColorBar,
+    /// From 0, all grey, to 1, all colour.
+    pub alpha: f64,
+}
+
 /// What a slice shows. Volumes may lie on different grids; each is sampled in patient space.
 #[derive(Clone, Copy)]
 pub struct SlicePicture<'a> {
@@ -66,32 +87,49 @@ pub struct SlicePicture<'a> {
     pub window: Window,
     /// Colours of the labels; `None` leaves them grey.
     pub tint: Option<&'a Tint>,
+    /// The organs by their surfaces; they take the place of the tint. Several are named beside the picture.
+    pub organs: Option<Organs<'a>>,
+    /// Values over the tissue; they take the place of both.
+    pub overlay: Option<Overlay<'a>>,
     /// The deformation, mapped for the same raster; `None` shows rest. What is not simulated is dimmed, and what tissue has left
     /// is black.
     pub carried: Option<&'a CarriedRaster>,
     /// Meshes whose contour is drawn over, each in its colour, linear RGB in 0..=1.
     pub contours: &'a [(&'a TriangleMesh, [f32; 3])],
-    /// Whether letters and the scale bar are drawn.
+    /// A second line under the plane's place, such as frame and time; may be empty.
+    pub title: &'a str,
+    /// Whether letters, title, scale bar, names and colour bar are drawn.
     pub annotate: bool,
 }
 
 impl<'a> SlicePicture<'a> {
     /// The CT at rest in the soft-tissue window, with letters and scale bar.
     pub fn of_ct(ct: &'a CtVolume) -> Self {
-        let window = Window::SOFT_TISSUE;
-        Self { ct: Some(ct), labels: None, window, tint: None, carried: None, contours: &[], annotate: true }
+        Self { ct: Some(ct), ..Self::EMPTY }
     }
 
     /// The labels at rest as greys, with letters and scale bar.
     pub fn of_labels(labels: &'a LabelVolume) -> Self {
-        let window = Window::SOFT_TISSUE;
-        Self { ct: None, labels: Some(labels), window, tint: None, carried: None, contours: &[], annotate: true }
+        Self { labels: Some(labels), ..Self::EMPTY }
     }
+
+    const EMPTY: Self = Self {
+        ct: None,
+        labels: None,
+        window: Window::SOFT_TISSUE,
+        tint: None,
+        organs: None,
+        overlay: None,
+        carried: None,
+        contours: &[],
+        title: "",
+        annotate: true,
+    };
 
     /// Draws the picture, one pixel of it per pixel of the raster, in sRGB.
     ///
     /// # Errors
-    /// If there is no volume, the window is empty or not finite, or the deformation was mapped for another raster.
+    /// If there is no volume, the window is empty or not finite, or deformation or organs belong to another raster.
     pub fn draw(&self, raster: &Raster) -> Result<RgbImage, SliceError> {
         let Window { center, width } = self.window;
         if !(center.is_finite() && width.is_finite() && width > 0.0) {
@@ -100,10 +138,10 @@ impl<'a> SlicePicture<'a> {
         if self.ct.is_none() && self.labels.is_none() {
             return Err(SliceError::NoVolume);
         }
-        if let Some(carried) = self.carried
-            && carried.pixels().len() != raster.len()
-        {
-            return Err(SliceError::CarriedSize { found: carried.pixels().len(), expected: raster.len() });
+        let sizes =
+            [self.carried.map(|carried| carried.pixels().len()), self.organs.map(|organs| organs.section.len())];
+        if let Some(found) = sizes.into_iter().flatten().find(|&size| size != raster.len()) {
+            return Err(SliceError::CarriedSize { found, expected: raster.len() });
         }
         let tints: BTreeMap<u16, Color> = match self.tint {
             Some(tint) => tint.colors.iter().map(|(&label, &color)| (label, srgb(color))).collect(),
@@ -113,40 +151,76 @@ impl<'a> SlicePicture<'a> {
         let columns = raster.width as usize;
         canvas.picture.par_chunks_mut(3 * columns).enumerate().for_each(|(row, pixels)| {
             for (column, pixel) in pixels.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                let place = raster.place(column as u32, row as u32);
-                *pixel = match self.carried.map(|carried| carried.pixels()[row * columns + column]) {
-                    None => self.color(place, &tints),
-                    Some(Carried::From(rest)) => self.color(rest, &tints),
+                let (at, place) = (row * columns + column, raster.place(column as u32, row as u32));
+                *pixel = match self.carried.map(|carried| carried.pixels()[at]) {
+                    None => self.color(at, place, &tints),
+                    Some(Carried::From(rest)) => self.color(at, rest, &tints),
                     Some(Carried::Left) => SHADE,
-                    Some(Carried::Elsewhere) => mix(SHADE, self.color(place, &BTreeMap::new()), DIMMED),
+                    Some(Carried::Elsewhere) => mix(SHADE, [self.grey(place); 3], DIMMED),
                 };
             }
         });
         for (mesh, color) in self.contours {
-            let axis = raster.plane.axis;
             // Canvas places are corners of pixels, raster places their middles.
             let place = |p: Point3| raster.pixel_of(p).map(|at| at + 0.5);
-            let segments: Vec<_> =
-                contour(mesh, axis, raster.plane.at_mm).into_iter().map(|ends| ends.map(place)).collect();
+            let segments: Vec<_> = contour(mesh, &raster.plane).into_iter().map(|ends| ends.map(place)).collect();
             canvas.lines(&segments, 1.4, srgb(*color), 1.0);
         }
         if self.annotate {
             annotate(&mut canvas, raster);
+            self.legends(&mut canvas);
         }
         Ok(canvas.picture)
     }
 
-    /// The colour of a place at rest.
-    fn color(&self, place: Point3, tints: &BTreeMap<u16, Color>) -> Color {
-        let label = self.labels.and_then(|labels| nearest(labels, place));
-        let grey = match (self.ct, label) {
+    /// The grey of a place at rest.
+    fn grey(&self, place: Point3) -> u8 {
+        match (self.ct, self.labels) {
             (Some(ct), _) => trilinear(ct, place).map_or(0, |value| self.window.grey(value)),
-            (None, Some(label)) => LABEL_GREY[usize::from(label != 0)],
+            (None, Some(labels)) => nearest(labels, place).map_or(0, |label| LABEL_GREY[usize::from(label != 0)]),
             (None, None) => 0,
-        };
-        match label.and_then(|label| tints.get(&label)) {
+        }
+    }
+
+    /// The colour of a pixel that shows a place at rest.
+    fn color(&self, pixel: usize, place: Point3, tints: &BTreeMap<u16, Color>) -> Color {
+        let grey = self.grey(place);
+        if let Some(overlay) = self.overlay {
+            let value = self.carried.and_then(|carried| carried.values().get(pixel)).filter(|value| !value.is_nan());
+            let over = |&value: &f32| mix([grey; 3], tinted(srgb(overlay.bar.rgb(value)), grey), overlay.alpha);
+            return value.map_or([grey; 3], over);
+        }
+        if let Some(organs) = self.organs {
+            let color = organs.section.organ(pixel).and_then(|organ| organs.list.get(organ)).map(|organ| srgb(organ.1));
+            return color.map_or([grey; 3], |color| mix([grey; 3], tinted(color, grey), organs.alpha));
+        }
+        match self.labels.and_then(|labels| tints.get(&nearest(labels, place)?)) {
             Some(&color) => mix([grey; 3], tinted(color, grey), self.tint.map_or(0.0, |tint| tint.alpha)),
             None => [grey; 3],
+        }
+    }
+
+    /// Title, colour bar and the names of several organs.
+    fn legends(&self, canvas: &mut Canvas) {
+        let [width, height] = canvas.size();
+        let Some(text) = text_height(canvas) else { return };
+        let (margin, small) = (0.4 * text, 0.75 * text);
+        canvas.outlined(self.title, [margin, margin + 1.5 * text], small, Align::Left, [INK, SHADE]);
+        if let Some(organs) = self.organs.filter(|organs| organs.list.len() > 1) {
+            for (at, &(name, color)) in organs.list.iter().enumerate() {
+                let y = margin + (0.5 + 1.1 * at as f64) * small;
+                canvas.fill([width - margin - small, y - 0.35 * small], [width - margin, y + 0.35 * small], SHADE, 1.0);
+                let inner = [
+                    [width - margin - small + 1.0, y - 0.35 * small + 1.0],
+                    [width - margin - 1.0, y + 0.35 * small - 1.0],
+                ];
+                canvas.fill(inner[0], inner[1], srgb(color), 1.0);
+                canvas.outlined(name, [width - margin - 1.4 * small, y], small, Align::Right, [INK, SHADE]);
+            }
+        }
+        if let Some(overlay) = self.overlay {
+            let (top, size) = (0.62 * height, [0.8 * text, 0.3 * height]);
+            overlay.bar.draw(canvas, [margin, top], size, small, [INK, SHADE]);
         }
     }
 }
@@ -158,9 +232,9 @@ fn tinted(color: Color, grey: u8) -> Color {
 
 /// Draws the letters of the sides, where the plane is, and a scale bar.
 fn annotate(canvas: &mut Canvas, raster: &Raster) {
-    let caption = format!("{} = {:.1} mm", raster.plane.axis, raster.plane.at_mm);
-    let (letters, pixel_mm) = (raster.plane.axis.letters(), raster.plane.pixel_mm);
-    Legend { letters, caption: &caption, pixel_mm, ink: INK, shade: SHADE }.draw(canvas);
+    let (letters, caption) = (raster.letters(), raster.plane.to_string());
+    let letters = [0, 1, 2, 3].map(|side| letters[side].as_str());
+    Legend { letters, caption: &caption, pixel_mm: raster.pixel_mm(), ink: INK, shade: SHADE }.draw(canvas);
 }
 
 #[cfg(test)]

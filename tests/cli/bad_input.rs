@@ -188,7 +188,7 @@ fn requests_a_run_cannot_answer() {
         slice("a.png", &["--at", "0", "--tint", "2"]).refused(&["--tint is 2", "0 (grey) to 1"]);
     }
     let slice = ["slice", "run", "-o", "a.png", "--axis", "z", "--at", "0", "--frame"];
-    folder.yawara(&[&slice[..], &["all"]].concat()).refused(&["one frame"]);
+    folder.yawara(&[&slice[..], &["all"]].concat()).refused(&["5 frames", "{frame}"]);
     folder.yawara(&[&slice[..], &["9"]].concat()).refused(&["no frame 9", "0 to 4"]);
     assert!(folder.everything() == before, "something was left");
 }

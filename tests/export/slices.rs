@@ -10,8 +10,9 @@ use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use yawara::lattice::{Lattice, SeveredSpring, Topology};
 use yawara::slice::contour::contour;
 use yawara::slice::deformed::{Carried, InverseMap};
-use yawara::slice::{Raster, SliceAxis, SlicePicture, SlicePlane, Tint};
+use yawara::slice::{ObliquePlane, Plane, Raster, Section, SliceAxis, SlicePicture, SlicePlane, Tint};
 use yawara::surface::mesh::TriangleMesh;
+use yawara::surface::{Surface, field};
 use yawara::volume::{CtVolume, LabelVolume};
 
 use crate::blob;
@@ -101,7 +102,7 @@ fn the_contour_of_a_ball_is_a_circle() {
     }
     for axis in AXES {
         for offset in [0.0, 7.0, -20.0] {
-            let segments = contour(&ball, axis, center[axis.index()] + offset);
+            let segments = contour(&ball, &Plane::across(axis, center[axis.index()] + offset));
             let expected = (radius * radius - offset * offset).sqrt();
             let length: f64 = segments.iter().map(|[a, b]| (a - b).norm()).sum();
             assert!((length / (std::f64::consts::TAU * expected) - 1.0).abs() < 2e-3, "{axis} {offset}: {length}");
@@ -124,7 +125,7 @@ fn the_contour_is_drawn_where_the_tissue_ends() {
     let contours: [(&TriangleMesh, [f32; 3]); 1] = [(&organ.mesh, [0.0, 1.0, 0.0])];
     let picture = SlicePicture { contours: &contours, annotate: false, ..SlicePicture::of_ct(&ct) };
     let picture = picture.draw(&raster).unwrap();
-    let segments = contour(&organ.mesh, SliceAxis::Z, 5.0);
+    let segments = contour(&organ.mesh, &Plane::across(SliceAxis::Z, 5.0));
     assert!(segments.len() > 50);
     for [a, b] in &segments {
         let [x, y] = raster.pixel_of(nalgebra::center(a, b)).map(|at| at.round() as u32);
@@ -149,11 +150,7 @@ fn block(turn: Matrix3, shape: GridShape) -> Lattice {
 }
 
 fn raster_around(lattice: &Lattice, axis: SliceAxis, at_mm: f64) -> Raster {
-    let mut grid = lattice.grid;
-    // Room for tissue that moves beyond its rest box.
-    grid.shape = GridShape::new(grid.shape.nx + 24, grid.shape.ny + 24, grid.shape.nz + 24);
-    grid.affine = grid.affine.shifted(Vector3::repeat(-12.0));
-    SlicePlane { axis, at_mm, pixel_mm: 0.4 }.raster(&grid).unwrap()
+    SlicePlane { axis, at_mm, pixel_mm: 0.4 }.raster(&raster_grid(lattice)).unwrap()
 }
 
 /// Moves every particle by a map of patient space [mm], and compares the slice with the map's inverse.
@@ -248,6 +245,80 @@ fn a_cut_opens_and_the_place_left_is_empty() {
     assert!(
         uncut.pixels().iter().filter(|pixel| matches!(pixel, Carried::From(_))).count() > carried_count(&carried) + 50
     );
+}
+
+#[test]
+fn surfaces_decide_where_a_cut_block_ends_and_how_wide_its_gap_is() {
+    let shape = GridShape::new(13, 13, 13);
+    let grid = Grid { shape, affine: Affine::from_spacing([1.5; 3], [-9.0; 3]).unwrap() };
+    let lattice = build_cells(&OrganMap::from_vec(grid, vec![0; shape.len()]), None).unwrap();
+    // The blade goes off the middle between two columns of particles, at x = 0.3 mm.
+    const BLADE_MM: f64 = 0.3;
+    let mut topology = Topology::new(&lattice);
+    for particle in 0..lattice.len() as u32 {
+        for direction in FIRST_FORWARD..NEIGHBOURS {
+            let Some(other) = lattice.neighbour(particle, direction) else { continue };
+            let (a, b) = (lattice.rest_place(particle).x, lattice.rest_place(other).x);
+            if (a < BLADE_MM) != (b < BLADE_MM) {
+                let at = ((BLADE_MM - a) / (b - a)) as f32;
+                topology.sever(&lattice, SeveredSpring { particle, direction: direction as u8, at, time: 0.0 });
+            }
+        }
+    }
+    assert!(!topology.severed().is_empty());
+    let values = field::smoothed(&lattice, 0, field::SMOOTHING_PASSES);
+    let extract = |topology: &Topology| Surface::extract(&lattice, topology, &values).unwrap();
+    const GAP_MM: f32 = 5.0;
+    let pulled = |particle: u32| if lattice.rest_place(particle).x > BLADE_MM { GAP_MM } else { 0.0 };
+    let moved: Vec<[f32; 3]> = (0..lattice.len() as u32).map(|particle| [pulled(particle), 0.0, 0.0]).collect();
+    let values_mm: Vec<f32> = moved.iter().map(|u| u[0]).collect();
+    let (rest, now) = (extract(&Topology::new(&lattice)).at_rest(&lattice), extract(&topology).carry(&lattice, &moved));
+    for point in [Point3::new(1.0, 0.4, 0.2), Point3::new(1.0, -3.0, 2.0)] {
+        let normal = Vector3::new(0.0, 0.3, -1.0);
+        let raster = ObliquePlane { point, normal, up: None, pixel_mm: Some(0.1) };
+        let raster = raster.raster(&raster_grid(&lattice)).unwrap();
+        let [then, section] = [&rest, &now].map(|mesh| Section::new(&[mesh], &raster));
+        let carried = InverseMap::new(&lattice, &topology, &moved).with_values(&values_mm);
+        let carried = carried.carried_within(&raster, &section, &then);
+        let (mut gap, mut seen) = (0, [0; 2]);
+        for (at, pixel) in carried.pixels().iter().enumerate() {
+            let place = raster.place(at as u32 % raster.width, at as u32 / raster.width);
+            assert_eq!(
+                matches!(pixel, Carried::From(_)),
+                section.organ(at).is_some(),
+                "{place}: no hole in the tissue"
+            );
+            // Away from the edges of the block.
+            if (place - point).norm() > 9.0 || (place.y.abs().max(place.z.abs())) > 7.0 {
+                continue;
+            }
+            match pixel {
+                Carried::From(rest) => {
+                    let side = usize::from(place.x > BLADE_MM + 2.0);
+                    let expected = place - f64::from(GAP_MM) * side as f64 * Vector3::x();
+                    assert!((rest - expected).norm() < 2e-4, "{place}: {rest} instead of {expected}");
+                    assert!((carried.values()[at] - GAP_MM * side as f32).abs() < 1e-4, "{place}");
+                    seen[side] += 1;
+                }
+                _ if place.x.abs() < 7.0 => {
+                    gap += usize::from(raster.pixel_of(place)[1].round() == raster.pixel_of(point)[1].round())
+                }
+                _ => {}
+            }
+        }
+        // One row of pixels across the gap: the pull, and the kerf of a few thousandths of a pitch.
+        let width = 0.1 * gap as f64;
+        assert!((width - f64::from(GAP_MM)).abs() < 0.15, "{width} mm");
+        assert!(seen.iter().all(|&count| count > 500), "{seen:?}");
+    }
+}
+
+fn raster_grid(lattice: &Lattice) -> Grid {
+    let mut grid = lattice.grid;
+    // Room for tissue that moves beyond its rest box.
+    grid.shape = GridShape::new(grid.shape.nx + 24, grid.shape.ny + 24, grid.shape.nz + 24);
+    grid.affine = grid.affine.shifted(Vector3::repeat(-12.0));
+    grid
 }
 
 fn carried_count(carried: &yawara::slice::deformed::CarriedRaster) -> usize {
