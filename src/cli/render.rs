@@ -94,7 +94,7 @@ fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera, 
 
 /// What is drawn, frame by frame.
 enum Subject {
-    Surfaces { mesher: Box<RunMesher>, painter: Option<Painter> },
+    Surfaces { mesher: Box<RunMesher>, painter: Option<Box<Painter>> },
     Voxels { reader: Box<RunReader>, scene: Box<Scene>, organs: Vec<usize> },
     File { path: PathBuf, kind: FileKind, organs: Vec<String> },
 }
@@ -140,7 +140,7 @@ impl Subject {
             (None, _) => {
                 let mesher = mesher(path, names, &arguments.surface.options(), messages)?;
                 let painter = arguments.paint.painter(&mesher, messages)?;
-                Ok(Self::Surfaces { mesher: Box::new(mesher), painter })
+                Ok(Self::Surfaces { mesher: Box::new(mesher), painter: painter.map(Box::new) })
             }
         }
     }
@@ -156,7 +156,7 @@ impl Subject {
 
     fn frame(&mut self, number: usize) -> anyhow::Result<Vec<OrganMesh>> {
         match self {
-            Self::Surfaces { mesher, painter } => Ok(painted(mesher, painter.as_ref(), number)?.1),
+            Self::Surfaces { mesher, painter } => Ok(painted(mesher, painter.as_deref(), number)?.1),
             Self::Voxels { reader, scene, organs } => {
                 let frame = reader.frame(number)?;
                 let voxels = |&organ: &usize| {

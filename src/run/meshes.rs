@@ -101,7 +101,7 @@ enum Shape {
     /// Values at the lattice points.
     Lattice(Vec<f32>),
     /// A finer grid.
-    Fine(Body),
+    Fine(Box<Body>),
 }
 
 /// The surface of an organ until the next cut.
@@ -155,7 +155,7 @@ impl RunMesher {
                 };
                 let shape = |organ| {
                     let body = bodies.body(&scene, organ, spacing, options.smooth)?;
-                    Ok((organ, Shape::Fine(body)))
+                    Ok((organ, Shape::Fine(Box::new(body))))
                 };
                 wanted.map(shape).collect::<Result<_, MeshRunError>>()?
             }

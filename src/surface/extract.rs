@@ -117,7 +117,7 @@ impl Surface {
     }
 
     /// The triangles, and the centres of loops with the vertices of each loop.
-    pub(crate) fn into_triangles_and_centres(self) -> (Vec<[u32; 3]>, Vec<(u32, Vec<u32>)>) {
+    pub(crate) fn into_triangles_and_centres(self) -> (Vec<[u32; 3]>, Vec<Loop>) {
         (self.triangles, self.embedding.centres)
     }
 
@@ -174,6 +174,9 @@ impl Surface {
         self.carry(lattice, &vec![[0.0; 3]; self.particles])
     }
 }
+
+/// The centre of a loop, and the vertices of the loop.
+pub(crate) type Loop = (u32, Vec<u32>);
 
 /// Makes the vertices of crossings.
 struct Crossings<'a> {

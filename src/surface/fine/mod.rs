@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use self::carry::{Carriage, Carried};
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
+use super::extract::Loop;
 use super::field_normals::{GradientOf, field_normals};
 use super::normals::Sheet;
 use super::{Surface, SurfaceError};
@@ -96,7 +97,7 @@ pub struct FineSurface {
     triangles: Vec<[u32; 3]>,
     sheets: Vec<Sheet>,
     /// Centres of loops with the vertices of each loop, whose mean they follow.
-    centres: Vec<(u32, Vec<u32>)>,
+    centres: Vec<Loop>,
     carriage: Carriage,
 }
 
