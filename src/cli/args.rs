@@ -319,6 +319,8 @@ pub(super) enum BenchCommand {
     Lattice(BenchLatticeArguments),
     /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
     Surface(BenchSurfaceArguments),
+    /// The same surface tidied and decimated.
+    Care(BenchCareArguments),
 }
 
 #[derive(Debug, Args)]
@@ -344,6 +346,26 @@ pub(super) struct BenchSurfaceArguments {
     /// Values of another field: raw little-endian f32, n^3 of them, x fastest; the surface is where they pass through 0.
     #[arg(long, value_name = "FILE")]
     pub(super) raw: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench care --n 412 --percent 10")]
+pub(super) struct BenchCareArguments {
+    /// Grid points along each edge, 2 to 1024; 412 give a million triangles.
+    #[arg(long, default_value_t = 412)]
+    pub(super) n: usize,
+    /// Percentage of the triangles to keep, 1 to 100.
+    #[arg(long, default_value_t = 10)]
+    pub(super) percent: usize,
+    /// Tidy slivers first.
+    #[arg(long)]
+    pub(super) tidy: bool,
+    /// Largest distance from the original, in spacings of the grid.
+    #[arg(long, value_name = "SPACINGS")]
+    pub(super) max_error: Option<f64>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

@@ -88,6 +88,11 @@ impl Surface {
         self.embedding.vertices.iter().map(|vertex| vertex.sheet != Sheet::Skin)
     }
 
+    /// Which part of the surface each vertex lies on.
+    pub fn sheets(&self) -> impl ExactSizeIterator<Item = Sheet> + '_ {
+        self.embedding.vertices.iter().map(|vertex| vertex.sheet)
+    }
+
     /// Rest place of each vertex, RAS+ [mm].
     pub fn rest_places(&self) -> impl ExactSizeIterator<Item = [f64; 3]> + '_ {
         self.embedding.vertices.iter().map(|vertex| vertex.rest)

@@ -2,7 +2,7 @@
 
 use crate::support::Folder;
 
-const COMMANDS: [&[&str]; 16] = [
+const COMMANDS: [&[&str]; 17] = [
     &[],
     &["demo"],
     &["run"],
@@ -17,6 +17,7 @@ const COMMANDS: [&[&str]; 16] = [
     &["bench"],
     &["bench", "lattice"],
     &["bench", "surface"],
+    &["bench", "care"],
     &["completions"],
     &["man"],
 ];
@@ -105,6 +106,12 @@ fn benches_print_one_object() {
     assert!(lattice["particle_steps_per_s"].as_f64() > Some(0.0) && lattice["mean_moved"].as_f64() > Some(0.0));
     let surface = folder.yawara(&["bench", "surface", "--n", "40", "--json"]).done().json();
     assert!(surface["triangles"].as_u64() > Some(1000));
+    let care = folder.yawara(&["bench", "care", "--n", "40", "--percent", "20", "--json"]).done().json();
+    assert!(care["passed"] == true && care["triangles_left"].as_u64() <= care["triangles"].as_u64().map(|t| t / 5));
+    folder.write("five.raw", [0_u8; 500]);
+    folder.yawara(&["bench", "surface", "--n", "5", "--raw", "five.raw"]).done().prints(&["0 triangles"]);
+    let short = folder.yawara(&["bench", "surface", "--n", "6", "--raw", "five.raw"]);
+    short.refused(&["five.raw", "500 bytes", "864", "--n"]);
     folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3"]).done().prints(&["12^3 particles, 3 steps"]);
     folder.yawara(&["bench", "surface", "--n", "40"]).done().prints(&["40^3 values", "triangles"]);
 }
