@@ -415,6 +415,8 @@ pub(super) enum BenchCommand {
     Write(BenchWriteArguments),
     /// A picture of a bumpy ball, all but reading and writing files.
     Render(BenchRenderArguments),
+    /// The same surface tidied and decimated.
+    Care(BenchCareArguments),
 }
 
 #[derive(Debug, Args)]
@@ -483,6 +485,26 @@ pub(super) struct BenchWriteArguments {
     /// Folder for the temporary files [default: the system's].
     #[arg(long, value_name = "FOLDER")]
     pub(super) folder: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench care --n 412 --percent 10")]
+pub(super) struct BenchCareArguments {
+    /// Grid points along each edge, 2 to 1024; 412 give a million triangles.
+    #[arg(long, default_value_t = 412)]
+    pub(super) n: usize,
+    /// Percentage of the triangles to keep, 1 to 100.
+    #[arg(long, default_value_t = 10)]
+    pub(super) percent: usize,
+    /// Tidy slivers first.
+    #[arg(long)]
+    pub(super) tidy: bool,
+    /// Largest distance from the original, in spacings of the grid.
+    #[arg(long, value_name = "SPACINGS")]
+    pub(super) max_error: Option<f64>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

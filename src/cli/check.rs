@@ -89,5 +89,6 @@ fn to_json(frame: Option<usize>, name: &str, report: &MeshReport) -> Value {
         "area_mm2": report.area_mm2,
         "volume_mm3": report.volume_mm3,
         "min_angle_deg": report.min_angle_deg,
+        "triangles_below_5_deg": report.slivers,
     })
 }

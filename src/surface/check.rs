@@ -6,6 +6,9 @@
 
 use super::mesh::TriangleMesh;
 
+/// A triangle with a smaller angle is a sliver \[degrees\].
+pub const SLIVER_DEG: f64 = 5.0;
+
 /// What a mesh is like. Counts of 0 in every "bad" field, a positive volume and at least one triangle make it sound.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshReport {
@@ -41,6 +44,8 @@ pub struct MeshReport {
     pub volume_mm3: f64,
     /// Smallest angle of a triangle with area \[degrees\]; 180 when there is none.
     pub min_angle_deg: f64,
+    /// Triangles with area and an angle below [`SLIVER_DEG`].
+    pub slivers: usize,
     /// Lowest and highest corner of the box round all finite vertices, RAS+ [mm]; `None` when there is none.
     pub bounds: Option<[[f32; 3]; 2]>,
     /// Connected parts, largest number of triangles first.
@@ -121,7 +126,11 @@ impl std::fmt::Display for MeshReport {
         let found: Vec<String> =
             counts.iter().filter(|(_, count)| *count > 0).map(|(name, count)| format!("{count} {name}")).collect();
         let verdict = if found.is_empty() { "no defect".to_owned() } else { found.join(", ") };
-        write!(f, "{verdict}; smallest angle {:.3} degrees", self.min_angle_deg)
+        write!(
+            f,
+            "{verdict}; smallest angle {:.3} degrees, {} of {} triangles below {SLIVER_DEG}",
+            self.min_angle_deg, self.slivers, self.triangles
+        )
     }
 }
 
@@ -152,6 +161,7 @@ pub fn check(mesh: &TriangleMesh) -> MeshReport {
         area_mm2: parts.components.iter().map(|c| c.area_mm2).sum(),
         volume_mm3: parts.components.iter().map(|c| c.volume_mm3).sum(),
         min_angle_deg: parts.min_angle.to_degrees(),
+        slivers: parts.slivers,
         bounds,
         components: parts.components,
     }
@@ -301,6 +311,7 @@ struct Parts {
     unused: usize,
     flat: usize,
     min_angle: f64,
+    slivers: usize,
 }
 
 impl Parts {
@@ -328,7 +339,7 @@ impl Parts {
         for &low in &edges.lows {
             components[part_of[low as usize] as usize].edges += 1;
         }
-        let (mut flat, mut min_angle) = (0, std::f64::consts::PI);
+        let (mut flat, mut min_angle, mut slivers) = (0, std::f64::consts::PI, 0);
         for triangle in triangles {
             let component = &mut components[part_of[triangle[0] as usize] as usize];
             let places = triangle.map(|v| {
@@ -340,7 +351,10 @@ impl Parts {
             component.area_mm2 += measure.area;
             component.volume_mm3 += measure.volume;
             match measure.angle {
-                Some(angle) => min_angle = min_angle.min(angle),
+                Some(angle) => {
+                    min_angle = min_angle.min(angle);
+                    slivers += usize::from(angle < SLIVER_DEG.to_radians());
+                }
                 None => flat += 1,
             }
         }
@@ -348,7 +362,7 @@ impl Parts {
             component.euler = component.vertices as i64 - component.edges as i64 + component.triangles as i64;
         }
         components.sort_by_key(|component| std::cmp::Reverse(component.triangles));
-        Self { components, unused: used.iter().filter(|used| !**used).count(), flat, min_angle }
+        Self { components, unused: used.iter().filter(|used| !**used).count(), flat, min_angle, slivers }
     }
 }
 
@@ -396,7 +410,11 @@ mod tests {
         assert!(report.passes(), "{report}");
         assert_eq!((report.euler, report.components.len(), report.components[0].edges), (2, 1, 18));
         assert!((report.volume_mm3 - 1.0).abs() < 1e-12 && (report.area_mm2 - 6.0).abs() < 1e-12);
-        assert!((report.min_angle_deg - 45.0).abs() < 1e-9);
+        assert!((report.min_angle_deg - 45.0).abs() < 1e-9 && report.slivers == 0);
+        let mut squashed = cube();
+        // Of the four upright sides two triangles each have an angle of 2.9 degrees.
+        squashed.positions.iter_mut().for_each(|p| p[2] *= 0.05);
+        assert_eq!(check(&squashed).slivers, 8);
         assert_eq!(report.bounds, Some([[0.0; 3], [1.0; 3]]));
     }
 

@@ -94,8 +94,8 @@ impl Surface {
         self.embedding.vertices.iter().map(|vertex| vertex.sheet != Sheet::Skin)
     }
 
-    /// The sheets each vertex belongs to.
-    pub(crate) fn sheets(&self) -> impl ExactSizeIterator<Item = Sheet> + '_ {
+    /// Which part of the surface each vertex lies on.
+    pub fn sheets(&self) -> impl ExactSizeIterator<Item = Sheet> + '_ {
         self.embedding.vertices.iter().map(|vertex| vertex.sheet)
     }
 

@@ -10,6 +10,7 @@
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
 
 mod blade;
+pub mod care;
 pub mod check;
 mod embed;
 mod extract;
@@ -27,6 +28,7 @@ pub mod weld;
 
 pub use extract::Surface;
 pub use marching_cubes::marching_cubes;
+pub use normals::Sheet;
 
 use crate::geometry::GridShape;
 

@@ -22,7 +22,7 @@ pub(crate) struct Layers<'a> {
 /// Which sheets of the surface a vertex belongs to: one bit for the skin, one for the faces of a cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
-pub(crate) enum Sheet {
+pub enum Sheet {
     /// Between tissue and outside.
     #[default]
     Skin = 0b01,

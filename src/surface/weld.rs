@@ -72,7 +72,7 @@ impl Welder {
 
 /// Multiplies and folds: enough for three integers, and many times as quick as the standard hash.
 #[derive(Default)]
-struct CellHasher(u64);
+pub(super) struct CellHasher(u64);
 
 impl Hasher for CellHasher {
     fn finish(&self) -> u64 {

@@ -2,7 +2,7 @@
 
 use crate::support::Folder;
 
-const COMMANDS: [&[&str]; 18] = [
+const COMMANDS: [&[&str]; 21] = [
     &[],
     &["demo"],
     &["run"],
@@ -18,7 +18,10 @@ const COMMANDS: [&[&str]; 18] = [
     &["bench"],
     &["bench", "lattice"],
     &["bench", "surface"],
+    &["bench", "carry"],
+    &["bench", "write"],
     &["bench", "render"],
+    &["bench", "care"],
     &["completions"],
     &["man"],
 ];
@@ -113,6 +116,12 @@ fn benches_print_one_object() {
     assert_eq!((drawn["width"].as_u64(), drawn["height"].as_u64()), (Some(64), Some(48)));
     assert!(drawn["triangles"].as_u64() > Some(3500) && drawn["seconds"].as_f64() > Some(0.0));
     folder.yawara(&render).done().prints(&["triangles on 64 x 48 pixels"]);
+    let care = folder.yawara(&["bench", "care", "--n", "40", "--percent", "20", "--json"]).done().json();
+    assert!(care["passed"] == true && care["triangles_left"].as_u64() <= care["triangles"].as_u64().map(|t| t / 5));
+    folder.write("five.raw", [0_u8; 500]);
+    folder.yawara(&["bench", "surface", "--n", "5", "--raw", "five.raw"]).done().prints(&["0 triangles"]);
+    let short = folder.yawara(&["bench", "surface", "--n", "6", "--raw", "five.raw"]);
+    short.refused(&["five.raw", "500 bytes", "864", "--n"]);
     folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3"]).done().prints(&["12^3 particles, 3 steps"]);
     folder.yawara(&["bench", "surface", "--n", "40"]).done().prints(&["40^3 values", "triangles"]);
 }

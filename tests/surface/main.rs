@@ -1,5 +1,6 @@
 //! The surface of severed lattices: its topology, its motion, its measures.
 
+mod care;
 mod carry;
 mod cells;
 mod crossing;

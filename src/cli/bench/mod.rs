@@ -1,5 +1,6 @@
 //! `yawara bench`: speed of the parts that matter.
 
+mod care;
 mod carry;
 mod lattice;
 mod render;
@@ -13,6 +14,7 @@ pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
     match command {
         BenchCommand::Lattice(arguments) => lattice::lattice(arguments),
         BenchCommand::Surface(arguments) => surface::surface(arguments),
+        BenchCommand::Care(arguments) => care::care(arguments),
         BenchCommand::Carry(arguments) => carry::carry(arguments),
         BenchCommand::Render(arguments) => render::render(arguments),
         BenchCommand::Write(arguments) => write::write(arguments),
