@@ -9,7 +9,7 @@ use crate::geometry::GridShape;
 use crate::surface::field::{volume_in_cells, volume_keeping_shift};
 
 /// Passes of the filter at a smoothing of 1.
-const PASSES: f32 = 4.0;
+const PASSES: f32 = 8.0;
 
 /// One pass along an axis: 2b - b^2 of the binomial filter b = (1 2 1)/4, flat to the fourth order of the wave number, so that
 /// curved parts hardly shrink.
