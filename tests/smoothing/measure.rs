@@ -57,11 +57,6 @@ pub(crate) fn measure(solid: &Solid, field: &[f32]) -> Measured {
     }
 }
 
-pub(crate) fn volume(mesh: &TriangleMesh) -> f64 {
-    let place = |vertex: u32| mesh.positions[vertex as usize].map(f64::from);
-    mesh.triangles.iter().map(|t| t.map(place)).map(|[a, b, c]| dot(a, cross(minus(b, a), minus(c, a))) / 6.0).sum()
-}
-
 /// Direction in which a field falls: central differences at the grid points, linear between them.
 fn downhill(shape: GridShape, field: &[f32], place: [f64; 3]) -> [f64; 3] {
     let base = place.map(|x| x.floor().max(0.0));

@@ -11,8 +11,9 @@ use crate::geometry::GridShape;
 /// Light smoothing along an axis: two passes of the binomial filter, which take noise to a seventh.
 const HU_TAPS: [f32; 3] = [6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// Second moment of all that blurs a border: [`HU_TAPS`], and the averaging of a CT over each voxel (1/12).
-const BLUR: f32 = 1.0 + 1.0 / 12.0;
+/// Second moment of all that blurs a border: [`HU_TAPS`], and the averaging of a CT over each voxel (1/12); and the share by which
+/// differences over two voxels fall short of the curvature of a border this sharp (measured: 0.85, on balls of 6 to 14 voxels).
+const BLUR: f32 = (1.0 + 1.0 / 12.0) / 0.85;
 
 /// Least slope, per voxel, of the values between -1 and 1, at which their curvature is taken.
 const FLAT: f32 = 0.2;
@@ -41,7 +42,7 @@ const ENOUGH: f32 = 0.1;
 /// If the slices do not fit the grid.
 ///
 /// # Accuracy
-/// Voxel averages of a ball, a quarter of a voxel of noise at most: see the tests of `surface::smooth`.
+/// From the voxel averages of a ball of 8 voxels: rms 0.02 voxel; 0.06 with noise of a tenth of the contrast.
 pub fn from_grey(voxels: Voxels, hu: &[f32], smooth: f32) -> Vec<f32> {
     voxels.check();
     assert_eq!(hu.len(), voxels.shape.len(), "one HU per voxel");
