@@ -19,7 +19,7 @@ const PASSES: f32 = 8.0;
 pub(super) const TAPS: [f32; 3] = [10.0 / 16.0, 4.0 / 16.0, -1.0 / 16.0];
 
 /// Smallest magnitude where a part, or a gap, is one or two voxels thick: it keeps about its thickness.
-const THIN_FLOOR: f32 = 0.4;
+const THIN_FLOOR: f32 = 0.15;
 
 /// The field of a binary mask, above zero inside: a smooth surface that separates the voxels of the organ from all others.
 ///
