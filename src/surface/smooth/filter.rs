@@ -48,6 +48,43 @@ fn weigh<'a>(out: &mut [f32], taps: &[f32], row: impl Fn(isize) -> &'a [f32]) {
     }
 }
 
+/// Curvature of the level sets of a field, times the length of its gradient: the second differences along the level set. Zero
+/// where the gradient is less than `flat`, and at the border of the grid.
+///
+/// Blurring with second moment s^2 along each axis moves every level set by s^2/2 of this; subtracting as much moves it back. A filter flat to
+/// the fourth order ("twicing") takes back only half of it, since the step at a border holds all frequencies.
+pub(super) fn curvature(shape: GridShape, field: &[f32], flat: f32) -> Vec<f32> {
+    let GridShape { nx, ny, nz } = shape;
+    let steps = [1, nx, nx * ny];
+    let at_border = |at: usize| shape.ijk(at).iter().zip([nx, ny, nz]).any(|(&index, n)| index == 0 || index + 1 >= n);
+    (0..field.len())
+        .into_par_iter()
+        .map(|at| {
+            if at_border(at) {
+                return 0.0;
+            }
+            let slope = steps.map(|step| 0.5 * (field[at + step] - field[at - step]));
+            let bend = steps.map(|step| field[at + step] - 2.0 * field[at] + field[at - step]);
+            let twist = |a: usize, b: usize| {
+                let (a, b) = (steps[a], steps[b]);
+                0.25 * (field[at + a + b] + field[at - a - b] - field[at + a - b] - field[at - a + b])
+            };
+            let square = slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2];
+            if square.is_nan() || square < flat * flat {
+                return 0.0;
+            }
+            let across = slope[0] * slope[0] * bend[0]
+                + slope[1] * slope[1] * bend[1]
+                + slope[2] * slope[2] * bend[2]
+                + 2.0
+                    * (slope[0] * slope[1] * twist(0, 1)
+                        + slope[0] * slope[2] * twist(0, 2)
+                        + slope[1] * slope[2] * twist(1, 2));
+            bend[0] + bend[1] + bend[2] - across / square
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

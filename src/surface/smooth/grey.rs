@@ -2,16 +2,21 @@
 
 use rayon::prelude::*;
 
-use super::filter::filtered;
+use super::filter::{curvature, filtered};
 use super::mask::{cores, floors, kept_volume, relaxed};
 use super::walls::Walls;
 use super::{AHEAD, FLOOR, Voxels, held};
 use crate::geometry::GridShape;
 
-/// Takes noise to a quarter, leaves the place of a border (flat to the fourth order), and undoes the averaging of
-/// a CT over each voxel (second moment -1/12): two passes of the binomial filter, twiced, less 1/24 of the second difference.
-const HU_TAPS: [f32; 5] =
-    [122.0 / 256.0 + 2.0 / 24.0, 72.0 / 256.0 - 1.0 / 24.0, 4.0 / 256.0, -8.0 / 256.0, -1.0 / 256.0];
+/// Light smoothing along an axis: two passes of the binomial filter, which take noise to a seventh.
+const HU_TAPS: [f32; 3] = [6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
+
+/// Second moment of all that blurs a border: [`HU_TAPS`], and the averaging of a CT over each voxel (1/12); and the share by which
+/// differences over two voxels fall short of the curvature of a border this sharp (measured: 0.85, on balls of 6 to 14 voxels).
+const BLUR: f32 = (1.0 + 1.0 / 12.0) / 0.85;
+
+/// Least slope, per voxel, of the values between -1 and 1, at which their curvature is taken.
+const FLAT: f32 = 0.2;
 
 /// Weights of the neighbourhood in which the HU of organ and surroundings are estimated: four binomial passes, twice over
 /// (standard deviation 2 voxels).
@@ -23,7 +28,7 @@ const LOCAL_TAPS: [f32; 5] = [70.0 / 256.0, 56.0 / 256.0, 28.0 / 256.0, 8.0 / 25
 const CONTRAST: [f32; 2] = [2.5, 5.0];
 
 /// Share of the neighbourhood that must be organ, and surroundings, for their HU to count in full.
-const ENOUGH: f32 = 0.02;
+const ENOUGH: f32 = 0.1;
 
 /// The field of an organ, above zero inside, through the grey values of a CT.
 ///
@@ -37,7 +42,7 @@ const ENOUGH: f32 = 0.02;
 /// If the slices do not fit the grid.
 ///
 /// # Accuracy
-/// Voxel averages of a ball, a quarter of a voxel of noise at most: see the tests of `surface::smooth`.
+/// From the voxel averages of a ball of 8 voxels: rms 0.02 voxel; 0.06 with noise of a tenth of the contrast.
 pub fn from_grey(voxels: Voxels, hu: &[f32], smooth: f32) -> Vec<f32> {
     voxels.check();
     assert_eq!(hu.len(), voxels.shape.len(), "one HU per voxel");
@@ -95,9 +100,11 @@ impl Grey {
             let clear = smoothstep((contrast.abs() / noise - CONTRAST[0]) / (CONTRAST[1] - CONTRAST[0]));
             let enough = smoothstep(inside.share[at].min(outside.share[at]) / ENOUGH);
             let value = 2.0 * (smooth[at] - 0.5 * (inside.mean[at] + outside.mean[at])) / contrast;
-            (value.clamp(-1.0, 1.0), clear * enough)
+            (value.clamp(-2.0, 2.0), clear * enough)
         };
-        let (value, weight) = (0..hu.len()).into_par_iter().map(judge).unzip();
+        let (mut value, weight): (Vec<f32>, Vec<f32>) = (0..hu.len()).into_par_iter().map(judge).unzip();
+        let bent = curvature(shape, &value, FLAT);
+        value.par_iter_mut().zip(bent).for_each(|(value, bent)| *value = (*value - 0.5 * BLUR * bent).clamp(-1.0, 1.0));
         Self { value, weight }
     }
 }

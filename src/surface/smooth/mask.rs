@@ -9,7 +9,7 @@ use crate::geometry::GridShape;
 use crate::surface::field::{volume_in_cells, volume_keeping_shift};
 
 /// Passes of the filter at a smoothing of 1.
-const PASSES: f32 = 4.0;
+const PASSES: f32 = 8.0;
 
 /// One pass along an axis: 2b - b^2 of the binomial filter b = (1 2 1)/4, flat to the fourth order of the wave number, so that
 /// curved parts hardly shrink.
@@ -19,7 +19,7 @@ const PASSES: f32 = 4.0;
 pub(super) const TAPS: [f32; 3] = [10.0 / 16.0, 4.0 / 16.0, -1.0 / 16.0];
 
 /// Smallest magnitude where a part, or a gap, is one or two voxels thick: it keeps about its thickness.
-const THIN_FLOOR: f32 = 0.4;
+const THIN_FLOOR: f32 = 0.15;
 
 /// The field of a binary mask, above zero inside: a smooth surface that separates the voxels of the organ from all others.
 ///

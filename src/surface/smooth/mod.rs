@@ -7,8 +7,9 @@
 //! Everything is measured in voxels along each axis, since staircases are as high as the voxels they come from. So the spacing
 //! does not enter, and a grid of any spacing will do.
 //!
-//! Smoothing is done on the field and not on the mesh: no vertex then leaves its grid edge, so the surface keeps the topology of
-//! the voxels and cannot pass through itself.
+//! Smoothing is done on the field and not on the mesh, so the surface cannot pass through itself. That of a mask stays within the
+//! grid edges between the organ's voxels and all others and keeps their topology; grey values may move it by one voxel more where
+//! neither a part nor a gap is thin.
 
 mod filter;
 mod grey;
