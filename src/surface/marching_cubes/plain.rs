@@ -161,7 +161,7 @@ mod tests {
     fn crossings_keep_clear_of_grid_points_whatever_the_values() {
         let values = [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e-38, -1e-38, 1.0, -1.0, 3e38, -3e38];
         for inside in values.into_iter().filter(|value| *value > 0.0) {
-            for outside in values.into_iter().filter(|value| !(*value > 0.0)) {
+            for outside in values.into_iter().filter(|value| value.is_nan() || *value <= 0.0) {
                 for behind in values {
                     for ahead in values {
                         let t = crossing(behind, inside, outside, ahead);
