@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::str::FromStr;
 
+use anyhow::bail;
 use clap::Args;
 
 use super::mesh::open;
 use super::messages::Messages;
-use crate::run::meshes::{MeshOptions, MeshRunError, Resolution, RunMesher};
+use crate::run::meshes::{MeshCare, MeshOptions, MeshRunError, Resolution, RunMesher};
 use crate::store::RunReader;
 
 /// Resolution and smoothing.
@@ -20,11 +21,21 @@ pub(super) struct SurfaceArguments {
     #[arg(long, default_value = "volume", value_name = "volume|lattice|MM", value_parser = resolution,
           allow_negative_numbers = true)]
     resolution: Resolution,
+    /// Remove slivers: very short edges and very small angles.
+    #[arg(long)]
+    tidy: bool,
+    /// Decimate each organ to about this many triangles; the surface stays closed, and the lips of cuts stay apart.
+    #[arg(long, value_name = "N")]
+    triangles: Option<usize>,
+    /// Decimate each organ as far as it stays within this distance of its full surface, at rest [mm].
+    #[arg(long, value_name = "MM", value_parser = length)]
+    max_error: Option<f64>,
 }
 
 impl SurfaceArguments {
     pub(super) fn options(&self) -> MeshOptions {
-        MeshOptions { resolution: self.resolution, smooth: self.smooth }
+        let care = MeshCare { tidy: self.tidy, triangles: self.triangles, max_error_mm: self.max_error };
+        MeshOptions { resolution: self.resolution, smooth: self.smooth, care }
     }
 }
 
@@ -35,10 +46,15 @@ pub(super) fn mesher(
     options: &MeshOptions,
     messages: &Messages,
 ) -> anyhow::Result<RunMesher> {
+    if options.resolution == Resolution::Lattice && options.care != MeshCare::default() {
+        bail!(
+            "--tidy, --triangles and --max-error need a surface finer than the lattice; leave out --resolution lattice"
+        );
+    }
     match RunMesher::new(open(run, messages)?, organs, options) {
         Err(MeshRunError::Body(error)) if options.resolution == Resolution::Volume => {
             messages.warning(format_args!("{error}; its surfaces are drawn at the resolution of the lattice instead"));
-            let options = MeshOptions { resolution: Resolution::Lattice, ..*options };
+            let options = MeshOptions { resolution: Resolution::Lattice, care: MeshCare::default(), ..*options };
             Ok(RunMesher::new(RunReader::open(run)?, organs, &options)?)
         }
         result => Ok(result?),
@@ -49,10 +65,16 @@ fn resolution(text: &str) -> Result<Resolution, String> {
     match text {
         "volume" => Ok(Resolution::Volume),
         "lattice" => Ok(Resolution::Lattice),
-        number => match f64::from_str(number) {
-            Ok(mm) if mm.is_finite() && mm > 0.0 => Ok(Resolution::Spacing(mm)),
-            _ => Err("expected `volume`, `lattice` or a length in mm above 0".to_owned()),
-        },
+        number => length(number)
+            .map(Resolution::Spacing)
+            .map_err(|_| "expected `volume`, `lattice` or a length in mm above 0".to_owned()),
+    }
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    match f64::from_str(text) {
+        Ok(mm) if mm.is_finite() && mm > 0.0 => Ok(mm),
+        _ => Err("expected a length in mm above 0".to_owned()),
     }
 }
 

@@ -12,7 +12,7 @@
 //! Not guaranteed: that every severed spring passes through the sheet. Where tissue is stretched over more than a few
 //! pitches the sheet is left open; a surface must follow the springs first and the sheet second.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use rayon::prelude::*;
 
@@ -33,13 +33,11 @@ const WIDEST: f64 = 2.5;
 /// How far beyond a cell a point still takes its place from it [cells]: the skin of an organ whose voxels are particles lies up
 /// to a diagonal beyond the last cell.
 const REACH: f64 = 2.0;
-/// No place at rest.
-const NOWHERE: u32 = u32::MAX;
 /// A quad belongs to a cut when a spring within one cell of it is severed in the same test, or while the blade goes so far
 /// [pitches]: springs reach over one, diagonals of cells over nearly two.
 const NEAR: f64 = 4.0;
-/// An edge is looked at this often within one test at most.
-const MOST_EDGES: f64 = 4096.0;
+/// A piece that would need more points along its edge or its way through the tissue leaves no sheet.
+const MOST_STEPS: i64 = 1 << 16;
 
 /// The surface that blades have swept through the tissue, as it lies at rest.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -79,12 +77,17 @@ impl Test {
     }
 }
 
-/// Points of an edge with their vertices in the sheet.
+/// Points of an edge, numbered from its beginning, that have a place at rest, by index coordinates of the lattice.
+type Places = Vec<(i64, Vector3)>;
+/// The same by their vertices in the sheet.
+type Vertices = BTreeMap<i64, u32>;
+
+/// An edge at the end of a test.
 #[derive(Debug, Clone)]
 struct Edge {
     origin: Point3,
     side: Vector3,
-    vertices: Vec<u32>,
+    vertices: Vertices,
 }
 
 /// Where the tissue is during a test: displacements x, y, z [m] at its beginning and end, block order, lattice axes.
@@ -143,21 +146,25 @@ impl SheetRecorder {
     }
 
     fn record_piece(&mut self, cells: &Cells<'_>, piece: &Piece) {
-        if cells.list.is_empty() {
+        let lattice = cells.tissue.lattice;
+        let steps = |length: f64| (length / (STEP * lattice.pitch)).ceil().max(1.0);
+        let (points, edges) = (steps(piece.side.norm()), steps(cells.way(piece)));
+        let Some([along, across]) = cells.shares(piece) else { return };
+        let range = |share: [f64; 2], steps: f64| [(share[0] * steps).floor() as i64, (share[1] * steps).ceil() as i64];
+        let (along, across) = (range(along, points), range(across, edges));
+        if [along, across].iter().any(|range| range[1] - range[0] > MOST_STEPS) {
             return;
         }
-        let lattice = cells.tissue.lattice;
-        let points = (piece.side.norm() / (STEP * lattice.pitch)).ceil().clamp(1.0, MOST_EDGES) as usize + 1;
-        let edges = (cells.way(piece) / (STEP * lattice.pitch)).ceil().clamp(1.0, MOST_EDGES) as usize;
-        let places = |edge: usize| -> Vec<Option<Vector3>> {
-            let share = edge as f64 / edges as f64;
+        let places = |edge: i64| -> Places {
+            let share = edge as f64 / edges;
             let moment = piece.during[0] + share * (piece.during[1] - piece.during[0]);
             let origin = piece.origin.coords + share * piece.stroke;
-            let point = |n: usize| origin + piece.side * (n as f64 / (points - 1) as f64);
-            (0..points).into_par_iter().map(|n| cells.rest_of(point(n), moment)).collect()
+            let place = |n: i64| Some((n, cells.rest_of(origin + piece.side * (n as f64 / points), moment)?));
+            (along[0]..=along[1]).into_par_iter().filter_map(place).collect()
         };
-        let mut last = self.begin(lattice, piece, places(0));
-        for edge in 1..=edges {
+        let first = places(across[0]);
+        let mut last = if across[0] == 0 { self.begin(lattice, piece, &first) } else { self.add(lattice, &first) };
+        for edge in across[0] + 1..=across[1] {
             let places = places(edge);
             if self.stays(lattice, &last, &places) {
                 continue;
@@ -166,33 +173,31 @@ impl SheetRecorder {
             self.join(lattice, &last, &vertices);
             last = vertices;
         }
-        self.open.push(Edge { origin: piece.origin + piece.stroke, side: piece.side, vertices: last });
+        if across[1] as f64 >= edges {
+            self.open.push(Edge { origin: piece.origin + piece.stroke, side: piece.side, vertices: last });
+        }
     }
 
     /// Vertices of the edge a piece sets out from: those where the sheet ended, when they are there.
-    fn begin(&mut self, lattice: &Lattice, piece: &Piece, places: Vec<Option<Vector3>>) -> Vec<u32> {
+    fn begin(&mut self, lattice: &Lattice, piece: &Piece, places: &Places) -> Vertices {
         let near = 1e-6 * lattice.pitch;
-        let same = |edge: &Edge| {
-            (edge.origin - piece.origin).norm() < near
-                && (edge.side - piece.side).norm() < near
-                && edge.vertices.len() == places.len()
-        };
+        let same = |edge: &Edge| (edge.origin - piece.origin).norm() < near && (edge.side - piece.side).norm() < near;
         if let Some(at) = self.open.iter().position(same) {
             let edge = self.open.remove(at);
-            if self.stays(lattice, &edge.vertices, &places) {
+            if self.stays(lattice, &edge.vertices, places) {
                 return edge.vertices;
             }
         }
-        self.add(lattice, &places)
+        self.add(lattice, places)
     }
 
     /// Whether an edge is where its vertices are already.
-    fn stays(&self, lattice: &Lattice, vertices: &[u32], places: &[Option<Vector3>]) -> bool {
-        vertices.iter().zip(places).all(|(&vertex, place)| match (vertex, place) {
-            (NOWHERE, None) => true,
-            (NOWHERE, Some(_)) | (_, None) => false,
-            (vertex, Some(place)) => (self.index_of(lattice, vertex) - place).norm() < SAME,
-        })
+    fn stays(&self, lattice: &Lattice, vertices: &Vertices, places: &Places) -> bool {
+        vertices.len() == places.len()
+            && places.iter().all(|(n, place)| {
+                let vertex = vertices.get(n);
+                vertex.is_some_and(|&vertex| (self.index_of(lattice, vertex) - place).norm() < SAME)
+            })
     }
 
     fn index_of(&self, lattice: &Lattice, vertex: u32) -> Vector3 {
@@ -200,23 +205,25 @@ impl SheetRecorder {
         lattice.grid.affine.index_of(Point3::from(place)).coords
     }
 
-    fn add(&mut self, lattice: &Lattice, places: &[Option<Vector3>]) -> Vec<u32> {
+    fn add(&mut self, lattice: &Lattice, places: &Places) -> Vertices {
         let vertices = &mut self.sheet.vertices;
-        let mut add = |place: &Vector3| {
+        let add = |(n, place): &(i64, Vector3)| {
             let place: [f64; 3] = lattice.grid.affine.apply(Point3::from(*place)).into();
             vertices.push(place.map(|c| c as f32));
-            vertices.len() as u32 - 1
+            (*n, vertices.len() as u32 - 1)
         };
-        places.iter().map(|place| place.as_ref().map_or(NOWHERE, &mut add)).collect()
+        places.iter().map(add).collect()
     }
 
     /// Quads between two edges.
-    fn join(&mut self, lattice: &Lattice, before: &[u32], after: &[u32]) {
-        for (before, after) in before.windows(2).zip(after.windows(2)) {
-            let quad = [before[0], before[1], after[1], after[0]];
-            if quad.contains(&NOWHERE) {
+    fn join(&mut self, lattice: &Lattice, before: &Vertices, after: &Vertices) {
+        for (n, &first) in before {
+            let next = n + 1;
+            let (Some(&second), Some(&third), Some(&fourth)) = (before.get(&next), after.get(&next), after.get(n))
+            else {
                 continue;
-            }
+            };
+            let quad = [first, second, third, fourth];
             let places = quad.map(|vertex| self.index_of(lattice, vertex));
             if [[0, 2], [1, 3], [0, 3], [1, 2]].iter().all(|&[a, b]| (places[a] - places[b]).norm() < WIDEST) {
                 let middle = places.iter().sum::<Vector3>() / 4.0;
@@ -310,6 +317,24 @@ impl<'a> Cells<'a> {
         if self.list.is_empty() { 0.0 } else { piece.stroke.norm() + self.longest_move * shared }
     }
 
+    /// Shares of the edge and of its stroke between which the piece may meet the cells or come within reach of them.
+    fn shares(&self, piece: &Piece) -> Option<[[f64; 2]; 2]> {
+        let all = self.bounds.iter().copied().reduce(Bounds::joined)?;
+        let margin = Vector3::repeat((REACH + STEP) * self.tissue.lattice.pitch);
+        let (low, high) = (all.min - margin - piece.origin.coords, all.max + margin - piece.origin.coords);
+        let normal = piece.side.cross(&piece.stroke);
+        // Of a vector: how much of it goes along the edge, and along the stroke. Where the edge slides along itself or stays, all of it
+        // may matter.
+        let size = normal.norm_squared();
+        if size <= 1e-12 * piece.side.norm_squared() * piece.stroke.norm_squared() || size == 0.0 {
+            let along = range_of(piece.side / piece.side.norm_squared(), low, high)?;
+            return Some([along, [0.0, 1.0]]);
+        }
+        let along = range_of(piece.stroke.cross(&normal) / size, low, high)?;
+        let across = range_of(normal.cross(&piece.side) / size, low, high)?;
+        Some([along, across])
+    }
+
     /// Displacement of a particle at a share of the test [m].
     fn displacement(&self, particle: u32, share: f64) -> Vector3 {
         let slot = self.tissue.layout.slot[particle as usize] as usize;
@@ -355,6 +380,18 @@ impl<'a> Cells<'a> {
     fn bucket_of(&self, place: Vector3) -> [i64; 3] {
         cell_of(place / self.tissue.lattice.pitch)
     }
+}
+
+/// Products of a vector with the points of a box, as far as they lie in 0 to 1.
+fn range_of(vector: Vector3, low: Vector3, high: Vector3) -> Option<[f64; 2]> {
+    let (mut least, mut most) = (0.0, 0.0);
+    for axis in 0..3 {
+        let ends = [vector[axis] * low[axis], vector[axis] * high[axis]];
+        least += ends[0].min(ends[1]);
+        most += ends[0].max(ends[1]);
+    }
+    let range = [least.max(0.0), most.min(1.0)];
+    (range[0] <= range[1]).then_some(range)
 }
 
 /// How far local coordinates lie outside their cell.

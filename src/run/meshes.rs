@@ -7,6 +7,7 @@ use crate::dynamics::measure::organ_volume;
 use crate::lattice::{Lattice, Topology};
 use crate::scene::resolved::{self, Scene, VoxelSelection};
 use crate::store::{ReadRunError, RunReader};
+use crate::surface::care::Care;
 use crate::surface::check::check;
 use crate::surface::fine::{Body, FineSurface};
 use crate::surface::mesh::{Finish, OrganMesh, TriangleMesh};
@@ -76,11 +77,31 @@ pub struct MeshOptions {
     /// Smoothing at rest, before anything is carried: 0 keeps the voxels' staircases, 1 takes them away. Organs chosen by HU are
     /// drawn through the values of the CT in any case.
     pub smooth: f32,
+    /// Fewer or better triangles; only for surfaces finer than the lattice.
+    pub care: MeshCare,
+}
+
+/// What is done to the triangles of each organ, once at rest; nothing by default. See [`crate::surface::care`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MeshCare {
+    /// Remove slivers.
+    pub tidy: bool,
+    /// Decimate to about this many triangles.
+    pub triangles: Option<usize>,
+    /// Stay within this distance of the full surface [mm].
+    pub max_error_mm: Option<f64>,
+}
+
+impl MeshCare {
+    fn of(&self, body: &Body) -> Option<Care> {
+        let Self { tidy, triangles, max_error_mm } = *self;
+        (*self != Self::default()).then(|| Care { spacing_mm: body.spacing(), tidy, triangles, max_error_mm })
+    }
 }
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        Self { resolution: Resolution::default(), smooth: 1.0 }
+        Self { resolution: Resolution::default(), smooth: 1.0, care: MeshCare::default() }
     }
 }
 
@@ -92,6 +113,7 @@ pub struct RunMesher {
     scene: Scene,
     /// Organs to mesh: index in the scene, and what their surface is drawn from.
     organs: Vec<(usize, Shape)>,
+    care: MeshCare,
     /// Surfaces for this many severed springs and quads of the cut sheet.
     epoch: Option<([usize; 2], Vec<OrganSurface>)>,
 }
@@ -160,7 +182,7 @@ impl RunMesher {
                 wanted.map(shape).collect::<Result<_, MeshRunError>>()?
             }
         };
-        Ok(Self { reader, scene, organs, epoch: None })
+        Ok(Self { reader, scene, organs, care: options.care, epoch: None })
     }
 
     /// The run.
@@ -213,7 +235,10 @@ impl RunMesher {
         let surface = |(organ, shape): &(usize, Shape)| {
             match shape {
                 Shape::Lattice(values) => Surface::extract(lattice, topology, values).map(OrganSurface::Lattice),
-                Shape::Fine(body) => FineSurface::extract(body, lattice, topology, cuts).map(OrganSurface::Fine),
+                Shape::Fine(body) => {
+                    let care = self.care.of(body);
+                    FineSurface::extract_with_care(body, lattice, topology, cuts, care.as_ref()).map(OrganSurface::Fine)
+                }
             }
             .map_err(|source| MeshRunError::Surface { organ: self.scene.organs[*organ].name.clone(), source })
         };

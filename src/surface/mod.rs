@@ -33,7 +33,7 @@ pub use normals::Sheet;
 use crate::geometry::GridShape;
 
 /// Why a surface could not be made.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SurfaceError {
     /// The field does not fit the grid.
@@ -51,6 +51,9 @@ pub enum SurfaceError {
     /// Vertex numbers are 32 bits wide.
     #[error("the surface needs more than {} vertices or triangles; crop the volume or take a coarser pitch", u32::MAX)]
     TooManyVertices,
+    /// Fewer or better triangles cannot be had.
+    #[error(transparent)]
+    Care(#[from] care::CareError),
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ fn every_command_helps_with_an_example_and_its_defaults() {
     }
     folder.yawara(&["phantom", "--help"]).done().prints(&["[mm]", "default: 3", "default: outputs/phantom"]);
     folder.yawara(&["slice", "--help"]).done().prints(&["[mm]", "[HU]", "default: 400", "about 800"]);
-    folder.yawara(&["mesh", "--help"]).done().prints(&["patient mm (RAS+)", "default: last", "default: 2"]);
+    folder.yawara(&["mesh", "--help"]).done().prints(&["patient mm (RAS+)", "default: last", "default: 1"]);
     folder.yawara(&["--help"]).done().prints(&["Exit codes: 0", "--threads", "--quiet"]);
     assert!(folder.everything().is_empty());
 }

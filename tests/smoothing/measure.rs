@@ -1,6 +1,7 @@
 //! How far a mesh is from the solid it was made of.
 
 use yawara::geometry::{Affine, GridShape};
+use yawara::surface::field_normals::GradientOf;
 use yawara::surface::marching_cubes;
 use yawara::surface::mesh::TriangleMesh;
 
@@ -20,7 +21,7 @@ pub(crate) struct Measured {
 }
 
 pub(crate) fn mesh_of(shape: GridShape, field: &[f32]) -> TriangleMesh {
-    marching_cubes(shape, &Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap(), field).unwrap()
+    marching_cubes(shape, &Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap(), field, GradientOf::Field).unwrap()
 }
 
 pub(crate) fn measure(solid: &Solid, field: &[f32]) -> Measured {

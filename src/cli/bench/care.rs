@@ -54,4 +54,3 @@ pub(super) fn care(arguments: &BenchCareArguments) -> anyhow::Result<()> {
         100.0 * change
     ))
 }
-

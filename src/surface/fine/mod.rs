@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use self::carry::{Carriage, Carried};
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
+use super::care::{Care, RestMesh};
 use super::extract::Loop;
 use super::field_normals::{GradientOf, field_normals};
 use super::normals::Sheet;
@@ -109,6 +110,20 @@ impl FineSurface {
     /// # Errors
     /// If the surface would need more than 2^32 vertices or triangles.
     pub fn extract(body: &Body, lattice: &Lattice, topology: &Topology, cuts: &CutSheet) -> Result<Self, SurfaceError> {
+        Self::extract_with_care(body, lattice, topology, cuts, None)
+    }
+
+    /// The same with fewer or better triangles, see [`super::care`].
+    ///
+    /// # Errors
+    /// As [`FineSurface::extract`], or if a length of `care` is not above zero.
+    pub fn extract_with_care(
+        body: &Body,
+        lattice: &Lattice,
+        topology: &Topology,
+        cuts: &CutSheet,
+        care: Option<&Care>,
+    ) -> Result<Self, SurfaceError> {
         let knife = Knife::new(cuts, &lattice.grid.affine);
         let hosts = Hosts::new(lattice, topology, &knife);
         let frame = Frame::new(lattice, &body.points);
@@ -123,18 +138,28 @@ impl FineSurface {
             }
         }
         let surface = Surface::extract_places(fine, &cut, &body.values)?;
-        let rest: Vec<[f64; 3]> = surface.rest_places().collect();
+        let mut rest: Vec<[f64; 3]> = surface.rest_places().collect();
         let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
-        let sheets: Vec<Sheet> = surface.sheets().collect();
-        let normals = rest_normals(body, &sheets, &rest, surface.normals(&at_rest))?;
-        let anchors = surface.anchors();
+        let mut sheets: Vec<Sheet> = surface.sheets().collect();
+        let mut of_triangles = surface.normals(&at_rest);
+        let mut anchors = surface.anchors();
+        let (mut triangles, mut centres) = surface.into_triangles_and_centres();
+        if let Some(care) = care {
+            let mesh = RestMesh { positions: &rest, triangles: &triangles, sheets: &sheets, organs: &[] };
+            let cared = care.apply(mesh)?;
+            // A vertex takes from its parent what does not follow from its place; what is left of a loop is carried like the rest.
+            sheets = cared.parents.iter().map(|&parent| sheets[parent as usize]).collect();
+            of_triangles = cared.parents.iter().map(|&parent| of_triangles[parent as usize]).collect();
+            anchors = cared.parents.iter().map(|&parent| anchors[parent as usize]).collect();
+            (rest, triangles, centres) = (cared.positions, cared.triangles, Vec::new());
+        }
+        let normals = rest_normals(body, &sheets, &rest, of_triangles)?;
         let places: Vec<Vector3> =
             rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
         let inside = anchors.par_iter().map(|&anchor| frame.place_of(fine, anchor));
         let hosts_of: Vec<Host> =
             inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
         let carriage = Carriage::bind(lattice, topology, &hosts, &hosts_of, &places);
-        let (triangles, centres) = surface.into_triangles_and_centres();
         Ok(Self { rest, normals, triangles, sheets, centres, carriage })
     }
 
