@@ -11,6 +11,7 @@ use super::mesh::{frames, open};
 use super::messages::{Messages, out};
 use super::progress;
 use super::source::{Source, expect_png, label_map};
+use super::surface::mesher;
 use crate::geometry::{Grid, Point3, Vector3};
 use crate::io::mesh_format::FramePattern;
 use crate::io::nifti::{read_ct, read_info, read_labels};
@@ -80,8 +81,7 @@ fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<Vec
         bail!("--color displacement and strain show tissue that has moved; leave out --rest");
     }
     let pattern = FramePattern::parse(&arguments.output)?;
-    let reader = open(&arguments.source, messages)?;
-    let numbers = frames(arguments.frame, &reader)?;
+    let numbers = frames(arguments.frame, &open(&arguments.source, messages)?)?;
     if numbers.len() > 1 && pattern.is_none() {
         bail!(
             "--frame all: {} frames do not fit into {}; put {{frame}} into its name, such as slice_{{frame}}.png",
@@ -89,7 +89,7 @@ fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<Vec
             arguments.output.display()
         );
     }
-    let mut run = SlicedRun::open(arguments, reader, &numbers, messages)?;
+    let mut run = SlicedRun::open(arguments, &numbers, messages)?;
     let bar = progress::bar(messages, "frames", numbers.len() as u64);
     let last = run.mesher.reader().frames().saturating_sub(1);
     let mut written = Vec::new();
@@ -117,22 +117,13 @@ struct SlicedRun {
 }
 
 impl SlicedRun {
-    fn open(
-        arguments: &SliceArguments,
-        reader: RunReader,
-        numbers: &[usize],
-        messages: &Messages,
-    ) -> anyhow::Result<Self> {
-        let mut mesher = RunMesher::new(reader, &[], &MeshOptions::default())?;
+    fn open(arguments: &SliceArguments, numbers: &[usize], messages: &Messages) -> anyhow::Result<Self> {
+        // Warns when the volumes have changed.
+        let mut mesher = mesher(&arguments.source, &[], &MeshOptions::default(), messages)?;
         // The run keeps no copy of its volumes: they are read, or made, again.
         let volumes = inputs::load_volume(&mesher.scene().volume).with_context(|| {
             format!("{}: the volumes of the run are needed again for a slice", arguments.source.display())
         })?;
-        for (now, then) in volumes.files.iter().zip(&mesher.reader().manifest().inputs) {
-            if now.sha256 != then.sha256 {
-                messages.warning(format_args!("{}: has changed since the run was made", now.path.display()));
-            }
-        }
         let (image, labels) = (volumes.image, volumes.labels);
         let rasters = rasters(arguments, grid_of(arguments, &image, &labels)?)?;
         let bar = is_value(arguments.color).then(|| color_bar(arguments, mesher.reader(), numbers)).transpose()?;

@@ -79,7 +79,7 @@ fn a_damaged_run_is_refused_where_it_is_damaged() {
     let manifest = folder.read("run/manifest.json");
     folder.write("run/manifest.json", &manifest[..manifest.len() / 2]);
     folder.yawara(&["info", "run"]).refused(&["manifest.json", "damaged"]);
-    let newer = String::from_utf8(manifest).expect("text").replace("\"format_version\": 2", "\"format_version\": 99");
+    let newer = String::from_utf8(manifest).expect("text").replace("\"format_version\": 3", "\"format_version\": 99");
     folder.write("run/manifest.json", newer);
     folder.yawara(&["info", "run"]).refused(&["manifest.json", "99"]);
     std::fs::remove_file(folder.path("run/manifest.json")).expect("removed");

@@ -1,9 +1,11 @@
 //! How far a mesh is from the solid it was made of.
 
-use yawara::geometry::{Affine, GridShape};
-use yawara::surface::field_normals::GradientOf;
-use yawara::surface::marching_cubes;
+use yawara::geometry::{Affine, Grid, GridShape};
+use yawara::lattice::Topology;
+use yawara::lattice::build::{NO_ORGAN, build};
+use yawara::surface::Surface;
 use yawara::surface::mesh::TriangleMesh;
+use yawara::volume::Volume;
 
 use crate::solids::{Solid, dot, minus, norm, outward, unit};
 
@@ -20,8 +22,19 @@ pub(crate) struct Measured {
     pub(crate) gradient: f64,
 }
 
+/// The surface of a field as organs are drawn: straight between the points of the grid, without cuts.
 pub(crate) fn mesh_of(shape: GridShape, field: &[f32]) -> TriangleMesh {
-    marching_cubes(shape, &Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap(), field, GradientOf::Field).unwrap()
+    let grid = Grid { shape, affine: Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap() };
+    let inside = field.iter().map(|&value| if value > 0.0 { 0 } else { NO_ORGAN }).collect();
+    let lattice = build(&Volume::from_vec(grid, inside)).unwrap();
+    let value = |point: usize| {
+        let place: [f64; 3] = lattice.grid.place(point).into();
+        let index = place.map(|c| c.round() as i64);
+        let within = (0..3).all(|axis| (0..shape.dims()[axis] as i64).contains(&index[axis]));
+        if within { field[shape.linear(index.map(|i| i as usize))] } else { -1.0 }
+    };
+    let values: Vec<f32> = (0..lattice.grid.shape.len()).map(value).collect();
+    Surface::extract(&lattice, &Topology::new(&lattice), &values).unwrap().at_rest(&lattice)
 }
 
 pub(crate) fn measure(solid: &Solid, field: &[f32]) -> Measured {

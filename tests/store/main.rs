@@ -341,8 +341,8 @@ fn parts_that_do_not_belong_together_are_refused() {
     };
     refused(
         "manifest.json",
-        &|s| s.replace("\"format_version\": 2", "\"format_version\": 9"),
-        &["version 9", "reads version 2"],
+        &|s| s.replace("\"format_version\": 3", "\"format_version\": 9"),
+        &["version 9", "reads version 3"],
     );
     refused("manifest.json", &|s| s[..s.len() / 2].into(), &["manifest.json", "line"]);
     refused("manifest.json", &|s| s.replace("yawara-run", "zip"), &["zip", "yawara-run"]);
