@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::Grid;
+use crate::geometry::{Grid, GridShape};
 use crate::lattice::build::BuildLatticeError;
 use crate::scene::resolved::{Scene, VoxelSelection};
 use crate::store::{InputFile, RunReader};
@@ -88,10 +88,10 @@ impl Bodies {
         let name = || scene.organs[organ].name.clone();
         let part = self.organs.bounding_box(|&voxel| voxel == number);
         let part: VoxelBox = part.ok_or_else(|| BodyError::Body { organ: name(), source: BuildLatticeError::Empty })?;
-        let part = part.grown([MARGIN; 3], self.organs.shape());
-        let organs = self.organs.crop(&part);
-        let image = self.inputs.image.as_ref().map(|image| image.crop(&part));
-        let field = match (&scene.organs[organ].voxels, &image) {
+        // An organ that the volume cuts off goes on beyond it, until its surface is closed there.
+        let organs = self.organs.crop_repeating(&part, MARGIN);
+        let image = self.inputs.image.as_ref().map(|image| image.crop_repeating(&part, MARGIN));
+        let field: Vec<f32> = match (&scene.organs[organ].voxels, &image) {
             (VoxelSelection::Hu { min, max }, Some(image)) => {
                 image.as_slice().iter().map(|&hu| (hu - min).min(max - hu)).collect()
             }
@@ -110,6 +110,7 @@ impl Bodies {
                 field
             }
         };
+        let field = closed(&field, organs.shape(), &part, self.organs.shape());
         let grid = cubes(organs.grid(), spacing)?;
         let values = if grid == *organs.grid() {
             field
@@ -119,6 +120,21 @@ impl Bodies {
         };
         Body::new(grid, values).map_err(|source| BodyError::Body { organ: name(), source })
     }
+}
+
+/// A field that ends with the volume: beyond its border is the mirror image of what is inside, so that surfaces close half a voxel
+/// beyond the outermost centres, in a plane.
+fn closed(field: &[f32], shape: GridShape, part: &VoxelBox, volume: GridShape) -> Vec<f32> {
+    let value = |point: usize| {
+        let ijk = shape.ijk(point);
+        let nearest = [0, 1, 2].map(|axis| {
+            let (low, dims) = (part.min[axis], volume.dims()[axis]);
+            ijk[axis].clamp(MARGIN.saturating_sub(low), (dims - 1 + MARGIN - low).min(shape.dims()[axis] - 1))
+        });
+        let value = field[shape.linear(nearest)];
+        if nearest == ijk { value } else { -value.abs() }
+    };
+    (0..field.len()).into_par_iter().map(value).collect()
 }
 
 /// The same box in cubes of an edge [mm]; the grid itself when its voxels are such cubes.

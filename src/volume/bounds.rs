@@ -83,6 +83,21 @@ impl<T: Clone + Send + Sync> Volume<T> {
         let affine = self.grid().affine.shifted(Vector3::from(min.map(|index| index as f64)));
         Self::from_vec(Grid { shape: part.shape(), affine }, values.iter().cloned().collect())
     }
+
+    /// The part of the volume inside a box, with `margin` more voxels on every side; beyond the border of the volume its outermost
+    /// voxels are repeated.
+    pub fn crop_repeating(&self, part: &VoxelBox, margin: usize) -> Self {
+        let (dims, size) = (self.shape().dims(), part.shape().dims());
+        let shape = GridShape::new(size[0] + 2 * margin, size[1] + 2 * margin, size[2] + 2 * margin);
+        let nearest = |point: usize| {
+            let ijk = shape.ijk(point);
+            let at = |axis: usize| (part.min[axis] + ijk[axis]).saturating_sub(margin).min(dims[axis] - 1);
+            self.as_slice()[self.shape().linear([at(0), at(1), at(2)])].clone()
+        };
+        let first = Vector3::from(part.min.map(|low| low as f64 - margin as f64));
+        let grid = Grid { shape, affine: self.grid().affine.shifted(first) };
+        Self::from_vec(grid, (0..shape.len()).into_par_iter().map(nearest).collect())
+    }
 }
 
 #[cfg(test)]

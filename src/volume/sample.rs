@@ -42,8 +42,8 @@ impl CtVolume {
     }
 
     /// Value at a place, RAS+ [mm], by cubic convolution: continuous to its first derivative, so that a surface drawn from
-    /// it has no facets of the voxels' size. Exact at voxel centres and for polynomials of second order; may overshoot beside a step by
-    /// about a tenth of it. `outside` beyond the volume (and at NaN).
+    /// it has no facets of the voxels' size. Exact at voxel centres and for polynomials of second order, but held between the least and the
+    /// greatest of the eight voxels around, so that no value appears that no voxel has. `outside` beyond the volume (and at NaN).
     ///
     /// # Source
     /// Keys, Cubic convolution interpolation for digital image processing, 1981, with a = -1/2.
@@ -62,16 +62,19 @@ impl CtVolume {
             at[axis] = [-1.0, 0.0, 1.0, 2.0].map(|step| (low + step).clamp(0.0, (dims[axis] - 1) as f64) as usize);
         }
         let values = self.as_slice();
-        let mut sum = 0.0;
+        let value = |i: usize, j: usize, k: usize| f64::from(values[shape.linear([at[0][i], at[1][j], at[2][k]])]);
+        let (mut sum, mut least, mut greatest) = (0.0, f64::MAX, f64::MIN);
         for k in 0..4 {
             for j in 0..4 {
-                let row: f64 = (0..4)
-                    .map(|i| weights[0][i] * f64::from(values[shape.linear([at[0][i], at[1][j], at[2][k]])]))
-                    .sum();
+                let row: f64 = (0..4).map(|i| weights[0][i] * value(i, j, k)).sum();
                 sum += weights[1][j] * weights[2][k] * row;
+                if [1, 2].contains(&j) && [1, 2].contains(&k) {
+                    least = least.min(value(1, j, k)).min(value(2, j, k));
+                    greatest = greatest.max(value(1, j, k)).max(value(2, j, k));
+                }
             }
         }
-        sum as f32
+        sum.max(least).min(greatest) as f32
     }
 }
 

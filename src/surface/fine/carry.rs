@@ -95,11 +95,9 @@ impl Carriage {
         Self { seats, hosts, corners, gradients, particles: lattice.len(), to_index }
     }
 
-    /// Displacements of all particles and virtual corners \[mm\].
-    fn corner_displacements(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    /// Displacements of the virtual corners \[mm\].
+    fn continued(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let gradients = self.gradients.evaluate(lattice, displacements);
-        let mut all = Vec::with_capacity(self.particles + self.corners.len());
-        all.extend_from_slice(displacements);
         let continued = self.corners.par_iter().map(|corner| {
             let mut sum = [0.0; 3];
             for &(particle, gradient, weight, steps) in &corner.sources {
@@ -111,8 +109,7 @@ impl Carriage {
             }
             sum
         });
-        all.par_extend(continued);
-        all
+        continued.collect()
     }
 
     /// Places, displacements and normals under displacements of the particles, RAS+ \[mm\].
@@ -128,7 +125,11 @@ impl Carriage {
         carried: Carried<'_>,
     ) {
         assert_eq!(displacements.len(), self.particles, "one displacement per particle");
-        let corners = self.corner_displacements(lattice, displacements);
+        let continued = self.continued(lattice, displacements);
+        let corner = |corner: u32| {
+            let corner = corner as usize;
+            displacements.get(corner).copied().unwrap_or_else(|| continued[corner - self.particles])
+        };
         let to_index: [[f32; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| self.to_index[(r, c)] as f32));
         carried
             .positions
@@ -140,7 +141,7 @@ impl Carriage {
                 let first = task * VERTICES_PER_TASK;
                 for at in 0..positions.len() {
                     let seat = &self.seats[first + at];
-                    let eight = self.hosts[seat.host as usize].map(|corner| corners[corner as usize]);
+                    let eight = self.hosts[seat.host as usize].map(corner);
                     let (value, slopes) = trilinear(&eight, seat.local);
                     moved[at] = value;
                     let rest = rest[first + at];
