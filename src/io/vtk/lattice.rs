@@ -38,7 +38,7 @@ pub struct LatticeState<'a> {
 /// `severed_springs` (how many of the particle's).
 ///
 /// Cell data of tissue, a hexahedron for each cell: `organ`, `fill` (share that is tissue), `severed` (0 or 1),
-/// `severed_springs` (of its 28), `strain` (equivalent strain at its middle, see [`equivalent_strain`]), `volume_ratio` (at its
+/// `severed_springs` (of its 28), `strain` (equivalent strain at its middle, see `equivalent_strain`), `volume_ratio` (at its
 /// middle, to rest). In model `paper`, a vertex for each particle and a line for each living spring: `organ` (of the spring's
 /// lower particle) and `strain` (of the spring's length; 0 for particles).
 ///
