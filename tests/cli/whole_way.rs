@@ -63,12 +63,16 @@ fn meshes_of_every_format_and_frame() {
     assert!(folder.read("text.stl").starts_with(b"solid"));
     assert_ne!(folder.read("first.stl"), folder.read("last.stl"));
 
-    // 60 mm cubed, whatever the file; drawn through the grey values of its CT, edges and corners rounded.
+    // The same body whatever the file: 60 mm cubed, its edges and corners rounded to about a voxel of 6 mm.
+    let mut first = None;
     for output in ["last.stl", "text.stl", "last.ply", "last.glb", "all.glb", "last.gltf", "last.obj"] {
         let facts = folder.yawara(&["info", output, "--json"]).done().json();
         let mesh = &facts["meshes"][0];
         let volume = mesh["volume_ml"].as_f64().expect("a volume");
-        assert!((volume - 216.0).abs() < 2.0, "{output}: {volume}");
+        assert!((volume - 216.0).abs() < 4.3, "{output}: {volume}");
+        // Of the animation it is the first frame that is looked at: at rest.
+        let same = if output == "all.glb" { 0.5 } else { 0.01 };
+        assert!((volume - *first.get_or_insert(volume)).abs() < same, "{output}: {volume}, others {first:?}");
         assert_eq!((mesh["closed"].as_bool(), mesh["components"].as_u64()), (Some(true), Some(1)), "{output}");
         folder.yawara(&["info", output]).done().prints(&["kind", "mesh", "volume_ml", "bounds_ras_mm"]);
     }
