@@ -54,6 +54,8 @@ def check(path):
             size.SetInputData(data)
             size.Update()
             volume = vtk_to_numpy(size.GetOutput().GetCellData().GetArray("Volume"))
+            # Cells a blade went through are stretched over the gap between its lips.
+            volume = volume[vtk_to_numpy(data.GetCellData().GetArray("severed_springs")) == 0]
             if (volume <= 0).mean() > 0.001:
                 wrong.append(f"{(volume <= 0).sum()} cells are turned inside out")
     if not wanted <= found:
