@@ -147,12 +147,16 @@ pub(super) fn simulate(
 
 /// How many steps it took, how many of them were shorter than planned, and the shortest.
 fn steps_taken(counts: &StepCounts) -> String {
-    let StepCounts { steps, divided, shortest_dt, .. } = *counts;
+    let StepCounts { steps, divided, shortest_dt, looks, .. } = *counts;
+    let looks = match looks {
+        0 => String::new(),
+        _ => format!("; the shape was looked at {looks} times"),
+    };
     match divided {
-        0 => format!("{steps} steps taken, all as planned"),
+        0 => format!("{steps} steps taken, all as planned{looks}"),
         _ => format!(
             "{steps} steps taken: {divided} of them from planned steps divided where the tissue was deformed or fast, the \
-             shortest {shortest_dt:.3e} s"
+             shortest {shortest_dt:.3e} s{looks}"
         ),
     }
 }

@@ -1,10 +1,10 @@
 //! The moving lattice once more, plainly and in f64: what [`World`] is judged by.
 //!
 //! Symplectic Euler over [`crate::kernel::reference`], with the meaning of [`World::step`] for free particles, held
-//! particles and gravity, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
+//! and grabbed ones and gravity, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
 //! times slower, and right to f64 rounding.
 //!
-//! Not covered: grabs, forces, and rigid bodies that move; anchored rigid particles stay where they are.
+//! Not covered: forces and rigid bodies that move; anchored rigid particles stay where they are.
 
 use super::alternation::{AlternationWatch, alternates};
 use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
@@ -24,11 +24,20 @@ pub struct ReferenceWorld {
     displacement: Vec<Vector3>,
     velocity: Vec<Vector3>,
     held: Vec<bool>,
+    grabbed: Option<Grabbed>,
     gravity: Vector3,
     dt: f64,
     time: f64,
     steps: u64,
     alternation: Option<AlternationWatch>,
+}
+
+/// Particles that follow an offset from where they were grabbed [m].
+#[derive(Debug, Clone)]
+struct Grabbed {
+    particles: Vec<u32>,
+    start: Vec<Vector3>,
+    offset: Vector3,
 }
 
 impl ReferenceWorld {
@@ -43,6 +52,7 @@ impl ReferenceWorld {
             displacement: all().map(|p| world.displacement(p)).collect(),
             velocity: all().map(|p| world.velocity(p)).collect(),
             held: all().map(|p| world.mass()[p as usize] == 0.0 || world.is_held(p)).collect(),
+            grabbed: None,
             gravity: world.gravity,
             dt: world.dt(),
             time: world.time(),
@@ -80,6 +90,24 @@ impl ReferenceWorld {
         self.dt = dt;
     }
 
+    /// Puts a particle somewhere: displacement from rest, lattice axes [m].
+    pub fn set_displacement(&mut self, particle: u32, displacement: Vector3) {
+        self.displacement[particle as usize] = displacement;
+    }
+
+    /// Grabs particles, as [`World::grab`]; ends a grab before.
+    pub fn grab(&mut self, particles: &[u32]) {
+        let start = particles.iter().map(|&particle| self.displacement[particle as usize]).collect();
+        self.grabbed = Some(Grabbed { particles: particles.to_vec(), start, offset: Vector3::zeros() });
+    }
+
+    /// Where the grabbed particles are to be after the next step, relative to where they were grabbed, lattice axes [m].
+    pub fn move_grab(&mut self, offset: Vector3) {
+        if let Some(grabbed) = &mut self.grabbed {
+            grabbed.offset = offset;
+        }
+    }
+
     /// Severs springs; returns how many of them were alive.
     pub fn sever(&mut self, springs: impl IntoIterator<Item = SeveredSpring>) -> usize {
         springs.into_iter().filter(|&spring| self.topology.sever(&self.lattice, spring)).count()
@@ -102,6 +130,14 @@ impl ReferenceWorld {
                 let acceleration = (spring + cell) / f64::from(self.assembly.mass[p]) + self.gravity;
                 self.velocity[p] + self.dt * acceleration
             };
+        }
+        if let Some(Grabbed { particles, start, offset }) = &self.grabbed {
+            for (&particle, start) in particles.iter().zip(start) {
+                let p = particle as usize;
+                if !self.held[p] {
+                    self.velocity[p] = (start + offset - self.displacement[p]) / self.dt;
+                }
+            }
         }
         self.check()?;
         self.watch_alternation(&before)?;

@@ -159,24 +159,42 @@ impl Trial {
     /// particle from its twin over these frames [pitches].
     pub(super) fn run_with_twin(&mut self, frames: u64) -> Result<f64, StepError> {
         let mut twin = ReferenceWorld::of(&self.world);
+        self.run_beside(&mut twin, frames, |_, _| {})
+    }
+
+    /// The same with a twin that is already there; `each` acts on both before every step. Springs that it severs in the
+    /// world are severed in the twin, too.
+    pub(super) fn run_beside(
+        &mut self,
+        twin: &mut ReferenceWorld,
+        frames: u64,
+        mut each: impl FnMut(&mut World, &mut ReferenceWorld),
+    ) -> Result<f64, StepError> {
         let mut apart = 0.0_f64;
         let mut failed = None;
         self.run(frames, |world| {
-            apart = apart.max(distance(world, &twin));
+            apart = apart.max(distance(world, twin));
+            let severed = world.topology().severed().len();
+            each(world, twin);
+            twin.sever(world.topology().severed()[severed..].iter().copied());
             twin.set_dt(world.dt());
-            failed = failed.take().or(twin.step().err());
+            if failed.is_none() {
+                failed = twin.step().err();
+            }
         })?;
         match failed {
             Some(error) => Err(error),
-            None => Ok(apart.max(distance(&self.world, &twin))),
+            None => Ok(apart.max(distance(&self.world, twin))),
         }
     }
 
-    /// Places particles: from number and rest place [m] to the new place [m].
-    pub(super) fn place(&mut self, place: impl Fn(u32, Vector3) -> Vector3) {
+    /// Places particles in a world and its twin, each to its own rounding: from number and rest place [m] to the new place [m].
+    pub(super) fn place_both(&mut self, twin: &mut ReferenceWorld, place: impl Fn(u32, Vector3) -> Vector3) {
         for p in particles(&self.world) {
             let rest = rest_place(&self.world, p);
-            self.world.set_displacement(p, place(p, rest) - rest);
+            let displacement = place(p, rest) - rest;
+            self.world.set_displacement(p, displacement);
+            twin.set_displacement(p, displacement);
         }
     }
 }

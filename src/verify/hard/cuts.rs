@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::super::bodies::{
-    MODELS, Random, SIZES, Trial, alone, block_of, centre, energy, particles, pieces, sever, shake, state,
+    MODELS, Random, SIZES, Trial, alone, block_of, centre, distance, energy, particles, pieces, sever, shake, state,
 };
 use super::super::tally::Tally;
 use super::super::{Case, Finding, Group};
@@ -11,6 +11,7 @@ use super::some_block;
 use crate::cut::Blade;
 use crate::dynamics::World;
 use crate::dynamics::measure::balance;
+use crate::dynamics::reference_world::ReferenceWorld;
 use crate::geometry::{Point3, Vector3};
 
 pub(super) fn cases() -> Vec<Case> {
@@ -98,7 +99,7 @@ fn across(world: &World) -> (Blade, Blade) {
 fn twice() -> Finding {
     alone(|| {
         let mut tally = Tally::default();
-        let mut severed = 0;
+        let (mut severed, mut apart) = (0, 0.0_f64);
         for model in MODELS {
             for (pitch, n) in SIZES {
                 let (mut trial, _) = some_block(model, pitch, n, 0.1);
@@ -112,16 +113,19 @@ fn twice() -> Finding {
                     + trial.world.cut(&back.sweep(0.0, back.path_length()));
                 tally.error(model, again as f64);
                 tally.expect(trial.world.topology().severed().len() == list, || format!("{model}: listed twice"));
-                if let Err(error) = trial.run(20, |_| {}) {
-                    tally.fault(format!("{model}, {pitch} mm: {error}"));
+                match trial.run_with_twin(20) {
+                    Ok(far) => apart = apart.max(far),
+                    Err(error) => tally.fault(format!("{model}, {pitch} mm: {error}")),
                 }
                 tally.steps += trial.steps;
             }
         }
         let happened = format!(
-            "{severed} springs severed the first time, {} the second and third time, and the halves go on",
+            "{severed} springs severed the first time, {} the second and third time; over the next 200 steps the halves differ \
+             from a twin in f64 by at most {apart:.1e} pitches",
             tally.error
         );
+        tally.expect(apart < 1e-3, || format!("f32 and f64 differ by {apart:.1e} pitches"));
         tally.finding(0.0, happened)
     })
 }
@@ -130,7 +134,7 @@ fn twice() -> Finding {
 fn while_moving() -> Finding {
     alone(|| {
         let mut tally = Tally::default();
-        let mut severed = 0;
+        let (mut severed, mut apart) = (0, 0.0_f64);
         for model in MODELS {
             for (pitch, n) in SIZES {
                 for (number, way) in [Vector3::new(0.0, 1.0, 0.0), Vector3::new(0.1, -1.0, 0.2)].into_iter().enumerate()
@@ -151,14 +155,20 @@ fn while_moving() -> Finding {
                         trial.world.set_velocity(p, velocity);
                     }
                     let waiting = Blade::new(ends(foot + 0.5 * flight), &[Vector3::zeros(), Vector3::zeros()]);
+                    let mut twin = ReferenceWorld::of(&trial.world);
                     let mut before = trial.world.moment();
                     for _ in 0..60 {
-                        if let Err(error) = trial.world.step() {
-                            tally.fault(format!("{what}: {error}"));
+                        for result in [trial.world.step(), twin.step()] {
+                            if let Err(error) = result {
+                                tally.fault(format!("{what}: {error}"));
+                            }
                         }
+                        let old = trial.world.topology().severed().len();
                         trial.world.cut_since(&before, &waiting.sweep(0.0, 0.0));
+                        twin.sever(trial.world.topology().severed()[old..].iter().copied());
                         before = trial.world.moment();
                     }
+                    apart = apart.max(distance(&trial.world, &twin));
                     let of = |world: &World| -> BTreeSet<(u32, u8)> {
                         world.topology().severed().iter().map(|s| (s.particle, s.direction)).collect()
                     };
@@ -173,7 +183,12 @@ fn while_moving() -> Finding {
                 }
             }
         }
-        let happened = format!("of {severed} springs severed in flight {} differ", tally.error);
+        let happened = format!(
+            "of {severed} springs severed in flight {} differ; after 20 pitches of flight f32 and f64 differ by at most {apart:.1e} \
+             pitches",
+            tally.error
+        );
+        tally.expect(apart < 1e-3, || format!("f32 and f64 differ by {apart:.1e} pitches"));
         tally.finding(0.0, happened)
     })
 }

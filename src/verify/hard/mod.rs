@@ -11,6 +11,7 @@ use super::bodies::{
 use super::tally::Tally;
 use super::{Case, Finding, Group};
 use crate::dynamics::World;
+use crate::dynamics::reference_world::ReferenceWorld;
 use crate::geometry::{Affine, Vector3};
 use crate::lattice::build::NO_ORGAN;
 use crate::lattice::region::Region;
@@ -94,7 +95,7 @@ fn mass() -> Finding {
 /// Single voxels far enough from each other to share nothing.
 fn lone_voxels() -> Finding {
     alone(|| {
-        let mut tally = Tally::default();
+        let (mut tally, mut double) = (Tally::default(), 0.0_f64);
         let gravity = Vector3::new(0.0, 0.0, -9.81);
         for model in ALL_MODELS {
             for (pitch, n) in [(1.5, 7), (3.0, 1), (6.0, 5)] {
@@ -104,17 +105,24 @@ fn lone_voxels() -> Finding {
                 let free = trial.limits.sharp.is_infinite();
                 tally.expect(free == (model == Model::Paper), || format!("{model}: limit {} s", trial.limits.sharp));
                 trial.world.set_gravity(gravity);
-                if let Err(error) = trial.run(50, |_| {}) {
+                let mut twin = ReferenceWorld::of(&trial.world);
+                if let Err(error) = trial.run_beside(&mut twin, 50, |_, _| {}) {
                     tally.fault(format!("{model}: {error}"));
                 }
                 // What symplectic Euler makes of a fall.
                 let steps = trial.world.steps() as f64;
                 let fallen = gravity * (0.5 * steps * (steps + 1.0) * trial.world.dt().powi(2));
-                tally.error(model, largest(state(&trial.world).0.iter().map(|u| (u - fallen).norm() / fallen.norm())));
+                let off = |places: &[Vector3]| largest(places.iter().map(|u| (u - fallen).norm() / fallen.norm()));
+                tally.error(model, off(&state(&trial.world).0));
+                double = double.max(off(twin.displacement()));
                 tally.steps += trial.steps;
             }
         }
-        let happened = format!("every voxel falls as the formula says, to {:.1e} of the way in 500 steps", tally.error);
+        tally.expect(double < 1e-12, || format!("in f64 the fall is off by {double:.1e}"));
+        let happened = format!(
+            "every voxel falls as the formula says, to {:.1e} of the way in 500 steps in f32, to {double:.1e} in f64",
+            tally.error
+        );
         tally.finding(1e-5, happened)
     })
 }
@@ -122,23 +130,31 @@ fn lone_voxels() -> Finding {
 fn rest() -> Finding {
     alone(|| {
         let mut tally = Tally::default();
-        for (model, steps) in [(Model::Paper, 1_000_000_u64), (Model::Tissue(0.45), 1_000_000)] {
+        for model in [Model::Paper, Model::Tissue(0.45)] {
             let Trial { mut world, .. } = Trial::new(block_of(model, 3.0, [2, 2, 1], 0.1));
-            if let Some(error) = (0..steps).find_map(|_| world.step().err()) {
+            let mut twin = ReferenceWorld::of(&world);
+            if let Some(error) = (0..1_000_000).find_map(|_| world.step().err()) {
                 tally.fault(format!("{model}: {error}"));
             }
+            if let Some(error) = (0..100_000).find_map(|_| twin.step().err()) {
+                tally.fault(format!("{model}, f64: {error}"));
+            }
             let (displacement, velocity) = state(&world);
-            tally.error(model, largest(displacement.iter().chain(&velocity).map(|v| v.amax())));
-            tally.steps += world.steps();
+            let all = displacement.iter().chain(&velocity).chain(twin.displacement()).chain(twin.velocity());
+            tally.error(model, largest(all.map(|v| v.amax())));
+            tally.steps += world.steps() + 100_000;
         }
-        let happened = format!("the largest displacement (m) or speed (m/s) after a million steps is {}", tally.error);
+        let happened = format!(
+            "the largest displacement (m) or speed (m/s) after a million steps in f32 or a hundred thousand in f64 is {}",
+            tally.error
+        );
         tally.finding(0.0, happened)
     })
 }
 
 fn turned_and_left() -> Finding {
     alone(|| {
-        let mut tally = Tally::default();
+        let (mut tally, mut double) = (Tally::default(), 0.0_f64);
         for model in ALL_MODELS {
             for (pitch, n) in SIZES {
                 let rest = Trial::new(block_of(model, pitch, [n + 2, n, n], 0.0));
@@ -147,13 +163,17 @@ fn turned_and_left() -> Finding {
                     let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, -2.0, 0.5));
                     let turn = nalgebra::Rotation3::from_axis_angle(&axis, f64::to_radians(degrees));
                     let mut trial = rest.clone();
-                    trial.place(|_, rest| middle + turn * (rest - middle));
-                    let start = state(&trial.world).0;
-                    if let Err(error) = trial.run(20, |_| {}) {
+                    let mut twin = ReferenceWorld::of(&trial.world);
+                    trial.place_both(&mut twin, |_, rest| middle + turn * (rest - middle));
+                    let (start, exact) = (state(&trial.world).0, twin.displacement().to_vec());
+                    if let Err(error) = trial.run_beside(&mut twin, 20, |_, _| {}) {
                         tally.fault(format!("{model}, {degrees} degrees: {error}"));
                     }
-                    let moved = state(&trial.world).0;
-                    tally.error(model, largest(moved.iter().zip(&start).map(|(now, then)| (now - then).norm() / h)));
+                    let moved = |now: &[Vector3], then: &[Vector3]| {
+                        largest(now.iter().zip(then).map(|(now, then)| (now - then).norm() / h))
+                    };
+                    tally.error(model, moved(&state(&trial.world).0, &start));
+                    double = double.max(moved(twin.displacement(), &exact));
                     tally.steps += trial.steps;
                     tally.trials += 1;
                 }
@@ -161,9 +181,10 @@ fn turned_and_left() -> Finding {
         }
         let happened = format!(
             "{} turned bodies (1 to 270 degrees, paper; tissue with Poisson's ratios 0, 0.25, 0.45, no dampers): over 200 steps no \
-             particle moves by more than {:.1e} pitches, the rounding of its place",
+             particle moves by more than {:.1e} pitches in f32 and {double:.1e} in f64, the rounding of its place",
             tally.trials, tally.error
         );
+        tally.expect(double < 1e-12, || format!("in f64 a particle moves by {double:.1e} pitches"));
         tally.finding(1e-4, happened)
     })
 }
@@ -183,11 +204,18 @@ fn drawn(model: Model, origin: [f64; 3], tally: &mut Tally) -> Vec<[f32; 3]> {
     trial.world.hold(&held);
     let grab = trial.world.grab(&drawn);
     let dt = trial.world.dt();
-    if let Err(error) = trial.run(30, |world: &mut World| {
+    let mut twin = ReferenceWorld::of(&trial.world);
+    twin.grab(&drawn);
+    let apart = trial.run_beside(&mut twin, 30, |world, twin| {
         let share = (world.time() + world.dt()) / (300.0 * dt);
-        world.move_grab(grab, Vector3::new(1.0, 2.0, 0.5) * share);
-    }) {
-        tally.fault(format!("{model} at {origin:?} mm: {error}"));
+        let way = Vector3::new(1.0, 2.0, 0.5) * share;
+        world.move_grab(grab, way);
+        // The affine has no rotation: lattice axes are the patient's.
+        twin.move_grab(way * 1e-3);
+    });
+    match apart {
+        Ok(apart) => tally.expect(apart < 1e-4, || format!("{model}: f32 and f64 differ by {apart:.1e} pitches")),
+        Err(error) => tally.fault(format!("{model} at {origin:?} mm: {error}")),
     }
     tally.steps += trial.steps;
     trial.world.displacements_mm()
@@ -204,7 +232,7 @@ fn far_away() -> Finding {
         }
         let happened = format!(
             "held, drawn and shaken over 300 steps, with regions in patient mm, places differ by {} mm (state is kept relative to \
-             rest)",
+             rest), and from a twin in f64 by less than 1e-4 pitches",
             tally.error
         );
         tally.finding(0.0, happened)

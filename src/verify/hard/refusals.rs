@@ -154,7 +154,7 @@ fn refused_step(model: Model) -> Result<f64, String> {
 fn fast_tool() -> Finding {
     alone(|| {
         let mut tally = Tally::default();
-        let mut followed = 0;
+        let (mut followed, mut apart) = (0, 0.0_f64);
         for model in MODELS {
             for (pitch, n) in SIZES {
                 for moves in [0.01, 0.1, 1.0, 10.0, 1e4] {
@@ -164,20 +164,24 @@ fn fast_tool() -> Finding {
                     let (h, dt) = (world.lattice().pitch, world.dt());
                     let tool = layer(world, 1);
                     let grab = world.grab(&tool);
+                    let mut twin = ReferenceWorld::of(world);
+                    twin.grab(&tool);
                     // Two pitches away and back, then still; 1e4 pitches in a step go as far as they come.
                     let way = |time: f64| {
                         let gone = moves * time / dt;
                         if moves > 5.0 { gone } else { (gone % 4.0).min(4.0 - gone % 4.0) }
                     };
-                    let result = trial.run(10, |world| {
-                        let at = way(world.time() + world.dt()) * h;
-                        world.move_grab(grab, Vector3::new(-0.6, 0.8, 0.0) * (at * 1e3));
+                    let result = trial.run_beside(&mut twin, 10, |world, twin| {
+                        let at = Vector3::new(-0.6, 0.8, 0.0) * (way(world.time() + world.dt()) * h);
+                        world.move_grab(grab, at * 1e3);
+                        twin.move_grab(at);
                     });
                     let world = &trial.world;
                     tally.expect(is_finite(world), || format!("{what}: a place is not a number"));
                     match result {
-                        Ok(()) => {
+                        Ok(far) => {
                             followed += 1;
+                            apart = apart.max(far);
                             let told = Vector3::new(-0.6, 0.8, 0.0) * (way(world.time()) * h);
                             tally
                                 .error(&what, largest(tool.iter().map(|&p| (world.displacement(p) - told).norm() / h)));
@@ -193,9 +197,11 @@ fn fast_tool() -> Finding {
             }
         }
         let happened = format!(
-            "tools of 0.01 to 10 000 pitches in a step: {followed} are followed to {:.1e} pitches, {} refused with place and reason",
+            "tools of 0.01 to 10 000 pitches in a step: {followed} are followed to {:.1e} pitches, with all tissue within \
+             {apart:.1e} of a twin in f64, {} refused with place and reason",
             tally.error, tally.refused
         );
+        tally.expect(apart < 1e-3, || format!("f32 and f64 differ by {apart:.1e} pitches"));
         tally.finding(1e-4, happened)
     })
 }
