@@ -227,7 +227,10 @@ fn a_density_is_a_number_a_map_or_a_volume() {
         assert_eq!((rigid, warnings), (Body::Rigid { density: Some(expected) }, Vec::new()), "{written}");
     }
     let (_, warnings) = body("youngs_modulus = 5e3\ndensity = { hu = [[-100, 0.93], [50, 1050]] }\n");
-    assert!(warnings.len() == 1 && warnings[0].contains("organ[0].density.hu[0][1]: 0.93 kg/m3 is outside"), "{warnings:?}");
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("organ[0].density.hu[0][1]: 0.93 kg/m3 is outside"),
+        "{warnings:?}"
+    );
 }
 
 #[test]
