@@ -351,9 +351,10 @@ fn different(values: &[String], between: &str) -> String {
 
 /// A body's constants as scenes in JSON name them.
 fn body_text(body: &Value) -> String {
-    let text = |value: &Value| match value.as_f64().or(value["constant"].as_f64()) {
-        Some(number) => digits(number, 4),
-        None => value.to_string(),
+    let text = |value: &Value| match (value.as_f64().or(value["constant"].as_f64()), &value["from_hu"]) {
+        (Some(number), _) => digits(number, 4),
+        (None, Value::Array(points)) => format!("from HU by {} points", points.len()),
+        (None, _) => value["from_file"].as_str().map_or(value.to_string(), |path| format!("from {path}")),
     };
     if let Some(rigid) = body.get("rigid") {
         return match &rigid["density_kg_per_m3"] {

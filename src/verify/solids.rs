@@ -252,9 +252,8 @@ fn hanging_column() -> Finding {
         let mut solid = bar(cells, body);
         // Of the material's density, by the height over the lower end from 0 to 1.
         let share = |height: f64| if graded { 0.4 + 1.8 * height * height } else { 1.0 };
-        let lattice = &solid.lattice;
-        let density = |cell: u32| body.density * share((lattice.ijk(cell)[2] as f64 + 0.5) * H / length);
-        solid.assembly = assemble_varied(lattice, &[Some(body)], &[None], |cell| CellValues {
+        let density = |cell: u32| body.density * share((solid.place(cell).z + 0.5 * H) / length);
+        solid.assembly = assemble_varied(&solid.lattice, &[Some(body)], &[None], |cell| CellValues {
             density: Some(density(cell)),
             ..CellValues::default()
         });
