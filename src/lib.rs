@@ -98,6 +98,7 @@
 //! ```
 
 pub mod geometry;
+mod splitmix;
 pub mod volume;
 
 pub mod io;

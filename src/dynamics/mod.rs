@@ -5,6 +5,7 @@
 //! operations as their time comes; [`measure`] judges energy, momentum and volume in f64;
 //! [`reference_world`] is the same world in plain f64, for judging the fast one.
 
+mod alternation;
 mod drive;
 pub mod measure;
 mod parting;

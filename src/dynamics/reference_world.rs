@@ -6,8 +6,10 @@
 //!
 //! Not covered: grabs, forces, and rigid bodies that move; anchored rigid particles stay where they are.
 
+use super::alternation::{AlternationWatch, alternates};
 use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
 use crate::geometry::Vector3;
+use crate::kernel::alternation::Alternation;
 use crate::kernel::reference::{cell_volume_energy, spring_forces, volume_forces};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
@@ -26,6 +28,7 @@ pub struct ReferenceWorld {
     dt: f64,
     time: f64,
     steps: u64,
+    alternation: Option<AlternationWatch>,
 }
 
 impl ReferenceWorld {
@@ -44,6 +47,7 @@ impl ReferenceWorld {
             dt: world.dt(),
             time: world.time(),
             steps: world.steps(),
+            alternation: world.assembly().damping.is_some().then(|| AlternationWatch::new(1)),
         }
     }
 
@@ -84,11 +88,13 @@ impl ReferenceWorld {
     /// One step of symplectic Euler.
     ///
     /// # Errors
-    /// [`StepError::Diverged`] as [`World::step`]; places are left as they were before the step.
+    /// [`StepError::Diverged`] and [`StepError::Alternates`] as [`World::step`] (which looks for alternation block by block,
+    /// this world at the whole); places are left as they were before the step.
     pub fn step(&mut self) -> Result<(), StepError> {
         let Self { lattice, topology, assembly, displacement, velocity, dt, .. } = &*self;
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
+        let before = self.velocity.clone();
         for (p, (spring, cell)) in springs.into_iter().zip(cells).enumerate() {
             self.velocity[p] = if self.held[p] {
                 Vector3::zeros()
@@ -98,6 +104,7 @@ impl ReferenceWorld {
             };
         }
         self.check()?;
+        self.watch_alternation(&before)?;
         for (displacement, velocity) in self.displacement.iter_mut().zip(&self.velocity) {
             *displacement += self.dt * velocity;
         }
@@ -109,6 +116,26 @@ impl ReferenceWorld {
     /// Elastic, kinetic and half-step energy [J], see [`step_energy`].
     pub fn energy(&self) -> f64 {
         step_energy(&self.lattice, &self.topology, &self.assembly, &self.displacement, &self.velocity, self.dt)
+    }
+
+    fn watch_alternation(&mut self, before: &[Vector3]) -> Result<(), StepError> {
+        let Self { lattice, topology, assembly, velocity, alternation, dt, time, steps, .. } = self;
+        let Some(watch) = alternation.as_mut().filter(|_| AlternationWatch::is_due(*steps)) else { return Ok(()) };
+        let mut found = Alternation::default();
+        for particle in 0..lattice.len() as u32 {
+            for (_, other) in joined(lattice, topology, particle, FIRST_FORWARD) {
+                let relative = |of: &[Vector3]| of[other as usize] - of[particle as usize];
+                let (now, then) = (relative(velocity), relative(before));
+                found.difference += (now - then).norm_squared();
+                found.sum += (now + then).norm_squared();
+            }
+        }
+        if watch.look(*dt, lattice.pitch, [found]).is_none() {
+            return Ok(());
+        }
+        let change = |particle: u32| velocity[particle as usize] - before[particle as usize];
+        let all = 0..lattice.len() as u32;
+        Err(alternates((lattice, topology, assembly), (*time, *steps, *dt), all, change))
     }
 
     fn check(&self) -> Result<(), StepError> {

@@ -12,7 +12,9 @@
 //! approximation where springs turn against each other. Where the blocks are exact at rest (inside any uniform lattice)
 //! both are the same. Besides, neighbours part by at most a quarter of a pitch in a step, as far as dividing goes. Not
 //! counted: what dampers of fast springs add sideways, and the rest of the step before the shape
-//! is looked at again, which is why that happens while there is still room.
+//! is looked at again, which is why that happens while there is still room. Should a step slip through all the same, the
+//! world itself notices: by the check of every step what flies apart, by its alternation what dampers hold together
+//! (`super::alternation`).
 //!
 //! Same world, same calls: same decisions, at any number of threads.
 

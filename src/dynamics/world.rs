@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
@@ -46,6 +47,27 @@ pub enum StepError {
         /// What is likely to have gone wrong, and what to do.
         cause: String,
     },
+    /// Neighbours part and meet in turn from step to step and do not come to rest: the step is too long, although dampers
+    /// keep the motion within bounds.
+    #[error(
+        "the motion alternates from step to step at t = {time:.6} s (step {step}) near ({:.1}, {:.1}, {:.1}) mm: neighbours \
+         part and meet by {moves:.2e} pitches in turn, in steps of {dt:.3e} s, and do not come to rest; {cause}",
+        place.x, place.y, place.z
+    )]
+    Alternates {
+        /// When [s].
+        time: f64,
+        /// Number of the step that failed, from 1.
+        step: u64,
+        /// Rest place of the particle that alternates most, RAS+ [mm].
+        place: Point3,
+        /// How far it parts from a particle it is joined to in one step, to come back in the next [pitches].
+        moves: f64,
+        /// The step [s].
+        dt: f64,
+        /// What is likely to have gone wrong, and what to do.
+        cause: String,
+    },
     /// The tissue is deformed so far that hardly any step is stable.
     #[error(
         "the tissue is too stiff to go on at t = {time:.6} s near ({:.1}, {:.1}, {:.1}) mm: deformed as it is, it allows steps \
@@ -69,7 +91,7 @@ impl StepError {
     /// Rest place of the particle where it began, RAS+ [mm].
     pub fn place(&self) -> Point3 {
         match self {
-            Self::Diverged { place, .. } | Self::TooStiff { place, .. } => *place,
+            Self::Diverged { place, .. } | Self::Alternates { place, .. } | Self::TooStiff { place, .. } => *place,
         }
     }
 }
@@ -99,8 +121,11 @@ pub struct World {
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
     pub(super) velocity: [Vec<f32>; 3],
-    /// New velocities while the old ones are still read by neighbours; empty without dampers.
-    next_velocity: [Vec<f32>; 3],
+    /// New velocities while the old ones are still read by neighbours, and those of the step before between steps; empty
+    /// without dampers.
+    pub(super) next_velocity: [Vec<f32>; 3],
+    /// `None` without dampers: then a step that is too long shows by itself.
+    pub(super) alternation: Option<AlternationWatch>,
     /// Step over mass [s/kg]; 0 for held, grabbed and anchored particles and for empty slots. Particles of rigid bodies have
     /// their own mass here if they feel soft tissue, else 0.
     pub(super) dt_over_mass: Vec<f32>,
@@ -116,7 +141,7 @@ pub struct World {
     /// Time and number of steps when the step was last changed.
     since: (f64, u64),
     /// Largest squared speed of each block in the last step [m^2/s^2].
-    fastest_squared: Vec<f32>,
+    pub(super) fastest_squared: Vec<f32>,
     /// Where blades went, at rest.
     sheet: SheetRecorder,
 }
@@ -144,12 +169,14 @@ impl World {
         });
         let zeros = || [0, 1, 2].map(|_| vec![0.0; layout.slots()]);
         let next_velocity = if springs.damped() { zeros() } else { [const { Vec::new() }; 3] };
+        let alternation = springs.damped().then(|| AlternationWatch::new(layout.blocks.len()));
         let rigid = Bodies::new(&lattice, &topology, &assembly, &layout).map(Box::new);
         let axes = lattice.grid.affine.linear().transpose() * (1e-3 / lattice.pitch);
         let mut world = Self {
             displacement: zeros(),
             velocity: zeros(),
             next_velocity,
+            alternation,
             dt_over_mass: vec![0.0; layout.slots()],
             claims: vec![Claims::default(); layout.slots()],
             drives: Vec::new(),
@@ -340,6 +367,7 @@ impl World {
         self.apply_drives(&mut fastest);
         self.advance_bodies(&mut fastest);
         self.check(&fastest)?;
+        self.watch_alternation(&fastest)?;
         self.fastest_squared = fastest;
         self.drift();
         self.settle_bodies();
@@ -589,19 +617,24 @@ impl World {
 
 /// Why a state that diverged may have done so, and what to do.
 pub(super) fn likely_cause(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> String {
+    step_too_long(lattice, topology, assembly, dt).unwrap_or_else(|| {
+        "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
+         tissue faster than it can follow: lower the force, or give the motion more time"
+            .to_owned()
+    })
+}
+
+/// Says so when a step is longer than what is stable at rest, and what to do.
+pub(super) fn step_too_long(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> Option<String> {
     let limits = Limits::at_rest(lattice, topology, assembly);
     // As close as it gets, in the time of a few hundred steps.
     let bound = limits.sharpen(lattice, topology, assembly, 1e4).sharp;
-    if dt > bound {
+    (dt > bound).then(|| {
         format!(
             "the step is {:.2} times the stable one ({bound:.3e} s): ask for a smaller time.dt or leave it out",
             dt / bound
         )
-    } else {
-        "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
-         tissue faster than it can follow: lower the force, or give the motion more time"
-            .to_owned()
-    }
+    })
 }
 
 /// Smallest and largest velocity along each axis [m/s]. NaN is left out: it is found by its speed.

@@ -6,8 +6,9 @@
 //! the fast bodies over that buffer, of the cells and of the springs; [`dispatch`] compiles them for several instruction
 //! sets and picks one at run time. [`linear`] and [`tangent`] are their relatives for the stable step: the stiffness
 //! matrix at rest times a vector, and a bound on the tangent stiffness as the lattice stands now; [`parting`] tells
-//! where that may have changed.
+//! where that may have changed, and [`alternation`] whether motion looks like that of an unstable step.
 
+pub mod alternation;
 pub mod dispatch;
 pub mod halo;
 pub mod linear;

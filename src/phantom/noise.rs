@@ -1,33 +1,20 @@
 //! Numbers that depend on a seed and a place only, so threads and their order cannot change them.
 
 use crate::geometry::{Point3, Vector3};
-
-/// The finaliser of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
-fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+use crate::splitmix::{GOLDEN, SplitMix, mix};
 
 /// A stream of random numbers (SplitMix64).
-pub(super) struct Stream(u64);
+pub(super) struct Stream(SplitMix);
 
 impl Stream {
     /// The stream numbered `purpose` of a seed; streams of one seed do not overlap in practice.
     pub(super) fn new(seed: u64, purpose: u64) -> Self {
-        Self(mix(mix(seed.wrapping_add(GOLDEN)) ^ purpose.wrapping_mul(GOLDEN)))
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(GOLDEN);
-        mix(self.0)
+        Self(SplitMix::new(mix(mix(seed.wrapping_add(GOLDEN)) ^ purpose.wrapping_mul(GOLDEN))))
     }
 
     /// Uniform in [low, high).
     pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.next() >> 11) as f64 / (1_u64 << 53) as f64)
+        low + (high - low) * self.0.unit()
     }
 
     /// A direction, uniform on the sphere.

@@ -12,6 +12,7 @@ use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::Assembly;
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, Damping, TissueBody};
+use crate::splitmix::SplitMix;
 use crate::volume::Volume;
 
 /// Planned steps after which the guard plans again, as between two frames.
@@ -285,25 +286,21 @@ pub(super) fn alone<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// A small generator, the same numbers everywhere (SplitMix64, Steele, Lea and Flood 2014).
-pub(super) struct Random(u64);
+/// Numbers for the cases, the same everywhere.
+pub(super) struct Random(SplitMix);
 
 impl Random {
     pub(super) fn new(seed: u64) -> Self {
-        Self(seed)
+        Self(SplitMix::new(seed))
     }
 
     pub(super) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.next()
     }
 
     /// In 0..1.
     pub(super) fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+        self.0.unit()
     }
 
     /// Each part in -1..1.

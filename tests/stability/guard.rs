@@ -12,7 +12,7 @@ use yawara::material::paper::PaperBody;
 use yawara::material::tissue::{Damping, TissueBody};
 
 /// A world at the sharpest step there is, and its limits.
-fn sharp((lattice, assembly): (Lattice, Assembly)) -> (World, Limits) {
+pub(super) fn sharp((lattice, assembly): (Lattice, Assembly)) -> (World, Limits) {
     let topology = Topology::new(&lattice);
     let limits = Limits::at_rest(&lattice, &topology, &assembly).sharpen(&lattice, &topology, &assembly, 1e5);
     let world = World::new(lattice, assembly, SAFETY * limits.sharp);
@@ -20,7 +20,7 @@ fn sharp((lattice, assembly): (Lattice, Assembly)) -> (World, Limits) {
 }
 
 /// Steps a number of frames of ten planned steps; `each` acts before every step.
-fn guarded(
+pub(super) fn guarded(
     world: &mut World,
     limits: Limits,
     frames: u64,

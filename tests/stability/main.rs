@@ -3,6 +3,7 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod alternation;
 mod guard;
 mod limits;
 mod tangent;

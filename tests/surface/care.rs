@@ -70,12 +70,12 @@ fn sound(given: &Given, cared: &CaredMesh, welds: bool, what: &str) -> MeshRepor
 }
 
 fn random_cut(trial: u64) -> (Lattice, Topology, Vec<f32>) {
-    let mut random = Random(trial);
+    let mut random = Random::new(trial);
     let [nx, ny, nz] = [0; 3].map(|_| 2 + random.below(5));
     let fill = [0.3, 0.6, 0.9, 1.0][random.below(4)];
     let seed = random.next();
     let lattice = lattice(nx, ny, nz, |[i, j, k]| {
-        i + j + k == 0 || Random(seed ^ ((i * 36 + j * 6 + k) as u64) << 20).unit() < fill
+        i + j + k == 0 || Random::new(seed ^ ((i * 36 + j * 6 + k) as u64) << 20).unit() < fill
     });
     let mut topology = Topology::new(&lattice);
     let density = [0.0, 0.02, 0.05, 0.1, 0.3, 0.7][random.below(6)];
@@ -217,7 +217,7 @@ fn farthest(from: &CaredMesh, to: &CaredMesh, samples: usize) -> f64 {
     let corners = |mesh: &CaredMesh, t: usize| mesh.triangles[t].map(|v| Vector3::from(mesh.positions[v as usize]));
     let targets: Vec<[Vector3; 3]> = (0..to.triangles.len()).map(|t| corners(to, t)).collect();
     let distance = |sample: usize| {
-        let mut random = Random(sample as u64);
+        let mut random = Random::new(sample as u64);
         let [a, b, c] = corners(from, random.below(from.triangles.len()));
         let (mut u, mut v) = (random.unit(), random.unit());
         if u + v > 1.0 {

@@ -139,11 +139,11 @@ fn a_fin_borrows_from_the_body() {
 #[test]
 fn crushed_and_exploded_neighbourhoods_do_not_throw_vertices() {
     let (lattice, _, surface) = body(0.0);
-    let mut random = Random(9);
+    let mut random = Random::new(9);
     for size in [0.0, 3.0, 100.0] {
         let target = lattice.rest_place(0).coords;
         let displacements = moved_by(&lattice, |x| {
-            let noise = || size * (random_unit(&mut Random(x.x.to_bits() ^ x.y.to_bits().rotate_left(9))) - 0.5);
+            let noise = || size * (random_unit(&mut Random::new(x.x.to_bits() ^ x.y.to_bits().rotate_left(9))) - 0.5);
             (x - target) * 1e-3 + target + Vector3::repeat(noise())
         });
         let mesh = surface.carry(&lattice, &displacements);
@@ -173,7 +173,7 @@ fn the_same_bits_at_any_thread_count() {
     let lattice = lattice(30, 22, 26, ball(26, 11.0));
     let mut topology = Topology::new(&lattice);
     cut_plane(&lattice, &mut topology, Vector3::repeat(12.3), Vector3::new(0.3, 1.0, 0.5), |p| p.x > 10.0);
-    let mut random = Random(77);
+    let mut random = Random::new(77);
     for (particle, direction) in springs(&lattice) {
         if random.unit() < 0.02 {
             sever(&lattice, &mut topology, particle, direction, 0.3);

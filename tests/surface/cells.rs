@@ -107,12 +107,12 @@ fn random_cells_with_random_severed_springs_give_closed_manifolds() {
     let changed: usize = (0..TRIALS)
         .into_par_iter()
         .map(|trial| {
-            let mut random = Random(trial);
+            let mut random = Random::new(trial);
             let dims = [0; 3].map(|_| 2 + random.below(5));
             let fill = [0.2, 0.5, 0.8, 1.0][random.below(4)];
             let seed = random.next();
             let lattice = cells(dims, |[i, j, k]| {
-                let inside = i + j + k == 0 || Random(seed ^ ((i * 64 + j * 8 + k) as u64) << 20).unit() < fill;
+                let inside = i + j + k == 0 || Random::new(seed ^ ((i * 64 + j * 8 + k) as u64) << 20).unit() < fill;
                 if inside { 0 } else { NO_ORGAN }
             });
             let mut topology = Topology::new(&lattice);
@@ -136,7 +136,7 @@ fn random_cells_with_random_severed_springs_give_closed_manifolds() {
 #[test]
 fn organs_of_cells_stay_apart_when_welded() {
     for trial in 0..100 {
-        let mut random = Random(trial);
+        let mut random = Random::new(trial);
         let smooth = trial % 2 == 0;
         let lattice = if smooth {
             // Two organs with a slanted wall, and a rod of a third through both.
@@ -147,7 +147,7 @@ fn organs_of_cells_stay_apart_when_welded() {
             })
         } else {
             let seed = random.next();
-            cells([5, 4, 4], |[i, j, k]| Random(seed ^ ((i * 64 + j * 8 + k) as u64) << 20).below(3) as u8)
+            cells([5, 4, 4], |[i, j, k]| Random::new(seed ^ ((i * 64 + j * 8 + k) as u64) << 20).below(3) as u8)
         };
         let mut all = TriangleMesh::default();
         for organ in 0..3 {

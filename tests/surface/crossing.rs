@@ -71,7 +71,7 @@ fn a_clean_blade_leaves_clean_lips() {
     let counts: Vec<(usize, usize)> = (0..60_u64)
         .into_par_iter()
         .map(|trial| {
-            let mut random = Random(trial);
+            let mut random = Random::new(trial);
             let mut unit = || 2.0 * random.unit() - 1.0;
             let normal = Vector3::new(unit(), unit(), unit()).normalize();
             let point = Vector3::repeat(7.5) + normal * unit();

@@ -23,7 +23,7 @@ fn a_full_plane_gives_two_parts_that_add_up_and_survive_welding() {
     let lattice = lattice(14, 14, 14, ball(14, 6.2));
     let whole = report(&lattice, &Topology::new(&lattice));
     (0..40_u64).into_par_iter().for_each(|trial| {
-        let (point, normal) = random_plane(&mut Random(trial), 14);
+        let (point, normal) = random_plane(&mut Random::new(trial), 14);
         let mut topology = Topology::new(&lattice);
         assert!(cut_plane(&lattice, &mut topology, point, normal, |_| true) > 300);
         let mesh = extract(&lattice, &topology).at_rest(&lattice);
@@ -59,7 +59,7 @@ fn a_square_cut_leaves_no_groove() {
 fn half_planes_crossings_and_repeated_cuts_stay_sound() {
     let lattice = lattice(12, 12, 12, ball(12, 5.4));
     (0..40_u64).into_par_iter().for_each(|trial| {
-        let mut random = Random(1000 + trial);
+        let mut random = Random::new(1000 + trial);
         let mut topology = Topology::new(&lattice);
         for cut in 0..3 {
             let (point, normal) = random_plane(&mut random, 12);
@@ -176,7 +176,7 @@ fn subsets_of_a_full_cube_are_sound() {
     let springs = springs(&lattice);
     let (mut parts, mut fronts) = (0, 0);
     for trial in 0..1500_u64 {
-        let mut random = Random(trial ^ 0xc0de);
+        let mut random = Random::new(trial ^ 0xc0de);
         let mut topology = Topology::new(&lattice);
         // Whole families, one particle's springs, or a random share: each leaves other faces ambiguous.
         let (choice, share, victim) = (random.below(3), random.unit(), random.below(27) as u32);

@@ -19,12 +19,12 @@ fn random_severed_lattices_give_closed_manifolds() {
     let totals: Vec<(usize, usize, usize)> = (0..TRIALS)
         .into_par_iter()
         .map(|trial| {
-            let mut random = Random(trial);
+            let mut random = Random::new(trial);
             let [nx, ny, nz] = [0; 3].map(|_| 2 + random.below(4));
             let fill = [0.3, 0.6, 0.9, 1.0][random.below(4)];
             let seed = random.next();
             let lattice = lattice(nx, ny, nz, |[i, j, k]| {
-                i + j + k == 0 || Random(seed ^ ((i * 36 + j * 6 + k) as u64) << 20).unit() < fill
+                i + j + k == 0 || Random::new(seed ^ ((i * 36 + j * 6 + k) as u64) << 20).unit() < fill
             });
             let mut topology = Topology::new(&lattice);
             let density = densities[random.below(densities.len())];

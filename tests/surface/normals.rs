@@ -96,7 +96,7 @@ fn normals_of_clean_fields_are_within_a_degree() {
 fn smoothed_normals_stand_three_percent_of_noise() {
     let affine = Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap();
     for (name, shape) in SHAPES {
-        let mut random = Random(3);
+        let mut random = Random::new(3);
         // Sum of 12 uniform numbers: deviation 1. The ramp goes from -1 to 1 over two spacings: 3 % of 2.
         let mut noise = || 0.06 * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0);
         let values = sampled(shape, |distance| distance.clamp(-1.0, 1.0) + noise());
@@ -148,7 +148,7 @@ fn normals_at_any_place_agree_with_those_of_the_mesh() {
             assert!((0..3).all(|axis| (a[axis] - b[axis]).abs() < 2e-3), "{a:?} {b:?}");
         }
         // Anywhere near the surface, not only on edges.
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         let near: Vec<[f64; 3]> = at.iter().map(|i| i.map(|c| c + 0.5 * random.unit())).collect();
         let normals = field_normals(grid(), &affine, &values, of, &near).unwrap();
         let error = mean_error(torus, &affine, &near, &normals);

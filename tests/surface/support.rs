@@ -1,4 +1,9 @@
-//! Small lattices with severed springs, and numbers that look random but are the same everywhere.
+//! Small lattices with severed springs.
+
+#[path = "../support/random.rs"]
+mod random;
+
+pub(crate) use random::Random;
 
 use yawara::geometry::{Affine, Grid, GridShape, Point3, Vector3};
 use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, direction_of};
@@ -6,28 +11,6 @@ use yawara::lattice::{Lattice, NO_PARTICLE, SeveredSpring, Topology};
 use yawara::surface::Surface;
 use yawara::surface::check::{MeshReport, check};
 use yawara::surface::field;
-
-/// SplitMix64 (Steele, Lea and Flood, 2014).
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform in 0..1.
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub(crate) fn below(&mut self, count: usize) -> usize {
-        (self.unit() * count as f64) as usize
-    }
-}
 
 /// A lattice with a particle at every grid point where `mask` says so, all neighbours linked, organ 0.
 pub(crate) fn lattice_on(grid: Grid, mask: impl Fn([usize; 3]) -> bool) -> Lattice {

@@ -74,7 +74,7 @@ fn organs_that_touch_stay_manifold_when_welded() {
 #[test]
 fn a_cut_across_walls_leaves_them_apart() {
     let lattice = three_organs();
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     for trial in 0..40 {
         let mut topology = Topology::new(&lattice);
         let normal = Vector3::from_fn(|_, _| random.unit() - 0.5).normalize();
@@ -95,7 +95,7 @@ fn a_cut_across_walls_leaves_them_apart() {
 #[test]
 fn organs_mixed_at_random_stay_apart() {
     for trial in 0..200 {
-        let mut random = Random(trial);
+        let mut random = Random::new(trial);
         let mut lattice = lattice(6, 5, 4, |_| true);
         lattice.organ.iter_mut().for_each(|organ| *organ = random.below(3) as u8);
         let topology = Topology::new(&lattice);
@@ -114,5 +114,5 @@ fn organs_mixed_at_random_stay_apart() {
 
 /// A value of an organ in -1..1, the same for the same trial.
 fn random_of(organ: u8, trial: u64) -> f32 {
-    (2.0 * Random(trial << 8 | u64::from(organ)).unit() - 1.0) as f32
+    (2.0 * Random::new(trial << 8 | u64::from(organ)).unit() - 1.0) as f32
 }

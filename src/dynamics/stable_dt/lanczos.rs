@@ -18,6 +18,7 @@ use crate::kernel::rows::Bits;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
 use crate::lattice::{Lattice, Topology};
 use crate::material::{Assembly, SpringConstants};
+use crate::splitmix::{GOLDEN, mix};
 
 /// Price of an iteration in steps of a run (measured 0.9 to 1.6).
 const PRICE: f64 = 1.5;
@@ -304,14 +305,8 @@ impl Lanczos {
 
 /// A number of the normal distribution for each place, always the same (SplitMix64 and Box-Muller).
 fn normal(place: u64) -> f32 {
-    let mix = |z: u64| {
-        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
-    let unit = |k: u64| {
-        ((mix((2 * place + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 11) + 1) as f64 / (1_u64 << 53) as f64
-    };
+    // In 0..=1, without the 0, which has no logarithm.
+    let unit = |k: u64| ((mix((2 * place + k + 1).wrapping_mul(GOLDEN)) >> 11) + 1) as f64 / (1_u64 << 53) as f64;
     ((-2.0 * unit(0).ln()).sqrt() * (std::f64::consts::TAU * unit(1)).cos()) as f32
 }
 
