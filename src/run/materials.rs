@@ -156,7 +156,7 @@ impl Varying {
     }
 }
 
-/// The organ whose matter is in a particle's cube; [`NO_ORGAN`] where there is none.
+/// The organ whose matter is in a particle's cube; `NO_ORGAN` where there is none.
 fn organ_of_cube(lattice: &Lattice, particle: u32) -> u8 {
     let organs = if lattice.has_cells() { &lattice.cell_organ } else { &lattice.organ };
     organs[particle as usize]
