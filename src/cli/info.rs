@@ -13,6 +13,7 @@ use super::scene_facts;
 use super::source::{Source, label_map};
 use crate::io::mesh_format::MeshFormat;
 use crate::io::nifti::{VolumeInfo, read_ct, read_info};
+use crate::material::ct_density::{DensityMap, density_maps};
 use crate::material::library::{Tissue, tissues};
 use crate::surface::check::check;
 
@@ -52,11 +53,17 @@ fn materials_json() -> Value {
             })
         })
         .collect();
-    json!({ "kind": "materials", "materials": materials })
+    let maps: Vec<Value> = density_maps()
+        .iter()
+        .map(|DensityMap { name, points, note, source }| {
+            json!({ "name": name, "points_hu_kg_per_m3": points, "note": note, "source": source })
+        })
+        .collect();
+    json!({ "kind": "materials", "materials": materials, "density_maps": maps })
 }
 
 /// A table of the constants, then each tissue with its note and sources. Works cited by several tissues stand in a list of
-/// their own and are referred to by number.
+/// their own and are referred to by number. Published maps from CT numbers to density come between.
 fn materials_text() -> String {
     let mut rows = vec![["name", "E [Pa]", "from", "to", "nu", "density [kg/m^3]", "also"].map(str::to_owned).to_vec()];
     let mut cited: Vec<&str> = Vec::new();
@@ -93,6 +100,16 @@ fn materials_text() -> String {
     write_columns(rows, "", &mut lines);
     lines.push("\nE: Young's modulus, the value taken and the range of the sources; nu: Poisson's ratio.\n".to_owned());
     write_columns(notes, "", &mut lines);
+    lines.push(
+        "\nDensity from CT numbers, as density = { hu = \"NAME\" }: HU to kg/m^3, straight between.\n".to_owned(),
+    );
+    let mut maps = Vec::new();
+    for DensityMap { name, points, note, source } in density_maps() {
+        cited.push(source);
+        let points: Vec<String> = points.iter().map(|[hu, density]| format!("{hu}: {}", digits(*density, 4))).collect();
+        maps.push(vec![(*name).to_owned(), format!("{}. {note} [{}]", points.join(", "), cited.len())]);
+    }
+    write_columns(maps, "", &mut lines);
     lines.push("\nSources".to_owned());
     let sources =
         cited.iter().enumerate().map(|(place, source)| vec![format!("[{}]", place + 1), (*source).to_owned()]);

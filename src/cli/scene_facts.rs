@@ -12,13 +12,13 @@ use crate::dynamics::measure::cell_volume;
 use crate::dynamics::stable_dt::SAFETY;
 use crate::dynamics::timeline::Timeline;
 use crate::geometry::Vector3;
-use crate::lattice::{Lattice, Topology};
+use crate::lattice::Topology;
 use crate::material::Assembly;
 use crate::material::elastic::Bulk;
 use crate::run::estimate::Pace;
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
-use crate::run::prepare::prepare;
+use crate::run::prepare::{Prepared, Spread, Spreads, prepare};
 use crate::scene::resolved::{Body, Organ, Scene};
 
 /// The world is stepped for about this long to find its pace.
@@ -27,6 +27,10 @@ const BUDGET: Duration = Duration::from_millis(300);
 const ISOTROPIC: f64 = 1e-4;
 /// Directions that tell a lattice's anisotropy: edges, face diagonals and body diagonals of its voxels.
 const DIRECTIONS: [[i32; 3]; 3] = [[1, 0, 0], [1, 1, 0], [1, 1, 1]];
+
+/// Properties that may differ from cell to cell: key, noun, unit.
+const SPREADS: [(&str, &str, &str); 2] =
+    [("youngs_modulus_pa", "modulus", "Pa"), ("density_kg_per_m3", "density", "kg/m^3")];
 
 /// The facts of a scene; every key ends in its unit.
 pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
@@ -42,7 +46,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     let particles = lattice.len();
     let cells = cell_volume(lattice, &Topology::new(lattice), |_| Vector3::zeros()).cells;
     let organs: Vec<Value> =
-        (0..).zip(&scene.organs).map(|(number, organ)| of_organ(number, organ, lattice, &prepared.assembly)).collect();
+        (0..).zip(&scene.organs).map(|(number, organ)| of_organ(number, organ, &prepared)).collect();
     let effects = effects(&scene, &prepared.assembly, lattice.spring_count());
     // Each frame 3 f32 per particle; once: points, ijk, rest, organ and springs of each, and the CT at every grid point.
     let frame_bytes = 12 * particles + 24;
@@ -109,9 +113,17 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
     })
 }
 
-fn of_organ(number: u8, organ: &Organ, lattice: &Lattice, assembly: &Assembly) -> Value {
+fn of_organ(number: u8, organ: &Organ, prepared: &Prepared) -> Value {
+    let Prepared { lattice, assembly, spreads, .. } = prepared;
     let particles = lattice.organ.iter().filter(|&&o| o == number).count();
-    let mut facts = json!({ "name": organ.name, "particles": particles, "body": organ.body, "solid": Value::Null });
+    let Spreads { youngs_modulus, density } = spreads[usize::from(number)];
+    let mut facts = json!({
+        "name": organ.name,
+        "particles": particles,
+        "body": organ.body,
+        "solid": Value::Null,
+        "spread": { "youngs_modulus_pa": of_spread(youngs_modulus), "density_kg_per_m3": of_spread(density) },
+    });
     // Springs inside a rigid body do nothing, so they make no solid.
     if let Some(bulk) = Bulk::of_organ(lattice, assembly, number)
         && !matches!(organ.body, Body::Rigid { .. })
@@ -119,6 +131,11 @@ fn of_organ(number: u8, organ: &Organ, lattice: &Lattice, assembly: &Assembly) -
         facts["solid"] = of_bulk(&bulk);
     }
     facts
+}
+
+/// A property that differs from cell to cell; null for one that does not.
+fn of_spread(spread: Option<Spread>) -> Value {
+    spread.map_or(Value::Null, |Spread { least, most, mean }| json!({ "least": least, "most": most, "mean": mean }))
 }
 
 /// The assembled material, read back from springs, volume term and mass.
@@ -275,11 +292,24 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
             "-: too thin for a material of its own: no particle has all its 26 neighbours in the organ".to_owned(),
         );
     }
-    for organ in organs.iter().filter(|organ| varies(&organ["body"]) && !organ["solid"].is_null()) {
-        lines.push(format!(
-            "{}: its modulus differs from cell to cell; the figures above are those at one particle inside",
-            organ["name"].as_str().unwrap_or_default()
-        ));
+    for organ in &organs {
+        let mut found = SPREADS.iter().filter(|(key, ..)| !organ["spread"][key].is_null()).peekable();
+        if found.peek().is_none() {
+            continue;
+        }
+        let name = organ["name"].as_str().unwrap_or_default();
+        for (key, noun, unit) in found {
+            let part = |part: &str| cell(&organ["spread"][key][part]);
+            lines.push(format!(
+                "{name}: its {noun} differs from cell to cell, {} to {} {unit}, mean {}",
+                part("least"),
+                part("most"),
+                part("mean")
+            ));
+        }
+        if !organ["solid"].is_null() {
+            lines.push(format!("{name}: the figures above are those at one particle inside"));
+        }
     }
     for organ in organs.iter().filter(|organ| !isotropic(organ)) {
         let solid = &organ["solid"];
@@ -312,11 +342,6 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
     }
 }
 
-/// Whether a body takes its modulus from the CT or from a volume.
-fn varies(body: &Value) -> bool {
-    body["tissue"]["youngs_modulus_pa"].as_object().is_some_and(|modulus| !modulus.contains_key("constant"))
-}
-
 /// Values as text, once if they read alike.
 fn different(values: &[String], between: &str) -> String {
     let mut values = values.to_vec();
@@ -326,10 +351,15 @@ fn different(values: &[String], between: &str) -> String {
 
 /// A body's constants as scenes in JSON name them.
 fn body_text(body: &Value) -> String {
+    let text = |value: &Value| match (value.as_f64().or(value["constant"].as_f64()), &value["from_hu"]) {
+        (Some(number), _) => digits(number, 4),
+        (None, Value::Array(points)) => format!("from HU by {} points", points.len()),
+        (None, _) => value["from_file"].as_str().map_or(value.to_string(), |path| format!("from {path}")),
+    };
     if let Some(rigid) = body.get("rigid") {
-        return match rigid["density_kg_per_m3"].as_f64() {
-            Some(density) => format!("rigid and free to move, density_kg_per_m3 {}", digits(density, 4)),
-            None => "rigid, stays where it is unless it is moved".to_owned(),
+        return match &rigid["density_kg_per_m3"] {
+            Value::Null => "rigid, stays where it is unless it is moved".to_owned(),
+            density => format!("rigid and free to move, density_kg_per_m3 {}", text(density)),
         };
     }
     match body.as_object().and_then(|body| body.values().next()).and_then(Value::as_object) {
@@ -337,7 +367,7 @@ fn body_text(body: &Value) -> String {
         Some(constants) => constants
             .iter()
             .filter(|(_, value)| !value.is_null())
-            .map(|(key, value)| format!("{key} {}", value.as_f64().map_or(value.to_string(), |v| digits(v, 4))))
+            .map(|(key, value)| format!("{key} {}", text(value)))
             .collect::<Vec<_>>()
             .join(", "),
     }

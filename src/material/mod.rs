@@ -3,6 +3,7 @@
 //! Two laws: [`paper`] gives every spring and particle the constants of the scene; [`tissue`] assembles them by cells
 //! from Young's modulus and density. Both end in an [`Assembly`].
 
+pub mod ct_density;
 pub mod elastic;
 pub mod library;
 pub mod paper;

@@ -22,20 +22,28 @@ pub struct PaperBody {
 
 /// Masses and spring constants of a lattice of model `paper`. `bodies[organ]` is `None` for a rigid organ, which stays.
 pub fn assemble(lattice: &Lattice, bodies: &[Option<PaperBody>]) -> Assembly {
-    assemble_with_rigid(lattice, bodies, &vec![None; bodies.len()])
+    assemble_with_rigid(lattice, bodies, &vec![None; bodies.len()], |_| None)
 }
 
 /// The same with rigid organs that move.
 ///
 /// - `rigid_density[organ]`: density of a rigid organ that moves freely [kg/m^3]; `None` for one that stays where it is, and
 ///   for soft ones.
-pub fn assemble_with_rigid(lattice: &Lattice, bodies: &[Option<PaperBody>], rigid_density: &[Option<f64>]) -> Assembly {
-    let (kind, mass) = lattice
-        .organ
-        .iter()
-        .map(|&organ| match (bodies[usize::from(organ)], rigid_density[usize::from(organ)]) {
+/// - `density(particle)`: that of a particle's own cube, where the organ moves freely [kg/m^3]; `None` for its organ's.
+pub fn assemble_with_rigid(
+    lattice: &Lattice,
+    bodies: &[Option<PaperBody>],
+    rigid_density: &[Option<f64>],
+    density: impl Fn(u32) -> Option<f64>,
+) -> Assembly {
+    let (kind, mass) = (0..)
+        .zip(&lattice.organ)
+        .map(|(particle, &organ)| match (bodies[usize::from(organ)], rigid_density[usize::from(organ)]) {
             (Some(body), _) => (RigidKind::Soft, body.mass as f32),
-            (None, Some(density)) => (RigidKind::Free, (density * lattice.pitch.powi(3)) as f32),
+            (None, Some(of_organ)) => {
+                let density = density(particle).unwrap_or(of_organ);
+                (RigidKind::Free, (density * lattice.pitch.powi(3)) as f32)
+            }
             (None, None) => (RigidKind::Anchored, 0.0),
         })
         .unzip();

@@ -82,14 +82,24 @@ pub fn cell_weights(pitch: f64) -> [f32; 3] {
 /// # Panics
 /// If the lattice has no cells.
 pub fn assemble(lattice: &Lattice, bodies: &[Option<TissueBody>]) -> Assembly {
-    assemble_varied(lattice, bodies, &vec![None; bodies.len()], |_| None)
+    assemble_varied(lattice, bodies, &vec![None; bodies.len()], |_| CellValues::default())
 }
 
-/// The same with rigid organs that move, and moduli that vary.
+/// What one cell is made of, where that differs from its organ: `None` for what does not. Of the tissue in the cell; how much
+/// of the cell is tissue is for [`assemble_varied`] to count.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CellValues {
+    /// Young's modulus [Pa]; of no meaning in a rigid cell.
+    pub youngs_modulus: Option<f64>,
+    /// Density [kg/m^3]; of no meaning in a rigid cell that stays where it is.
+    pub density: Option<f64>,
+}
+
+/// The same with rigid organs that move, and with moduli and densities that differ from cell to cell.
 ///
 /// - `rigid_density[organ]`: density of a rigid organ that moves freely [kg/m^3]; `None` for one that stays where it is, and
 ///   for soft ones. A corner of both kinds stays.
-/// - `youngs_modulus(particle)`: that of the cell above a particle [Pa]; `None` for its organ's.
+/// - `values(particle)`: of the cell above a particle.
 ///
 /// # Panics
 /// If the lattice has no cells.
@@ -97,7 +107,7 @@ pub fn assemble_varied(
     lattice: &Lattice,
     bodies: &[Option<TissueBody>],
     rigid_density: &[Option<f64>],
-    youngs_modulus: impl Fn(u32) -> Option<f64> + Sync,
+    values: impl Fn(u32) -> CellValues + Sync,
 ) -> Assembly {
     assert!(lattice.has_cells(), "tissue is made of cells");
     let body_of = |particle: u32| {
@@ -108,9 +118,11 @@ pub fn assemble_varied(
         .into_par_iter()
         .map(|particle| {
             body_of(particle).map_or(Cell::default(), |body| {
-                let youngs_modulus = youngs_modulus(particle).unwrap_or(body.youngs_modulus);
+                let values = values(particle);
+                let youngs_modulus = values.youngs_modulus.unwrap_or(body.youngs_modulus);
+                let density = values.density.unwrap_or(body.density);
                 let fill = f64::from(lattice.cell_fill[particle as usize]);
-                Cell::new(&TissueBody { youngs_modulus, ..body }, fill, lattice.pitch)
+                Cell::new(&TissueBody { youngs_modulus, density, ..body }, fill, lattice.pitch)
             })
         })
         .collect();
@@ -129,7 +141,7 @@ pub fn assemble_varied(
                     (Some(_), _) => cells[corner as usize].density,
                     (None, Some(density)) => {
                         kind = RigidKind::Free;
-                        density * f64::from(lattice.cell_fill[corner as usize])
+                        values(corner).density.unwrap_or(density) * f64::from(lattice.cell_fill[corner as usize])
                     }
                     (None, None) => return (RigidKind::Anchored, 0.0),
                 };
@@ -261,11 +273,44 @@ mod tests {
     fn free_bone_has_the_mass_of_its_cells_and_a_share_of_its_neighbours() {
         let grid = Grid { shape: GridShape::new(2, 1, 1), affine: Affine::from_spacing([2.0; 3], [0.0; 3]).unwrap() };
         let lattice = build_cells(&OrganMap::from_vec(grid, vec![0, 1]), None).unwrap();
-        let assembly = assemble_varied(&lattice, &[Some(BODY), None], &[None, Some(1900.0)], |_| None);
+        let assembly = assemble_varied(&lattice, &[Some(BODY), None], &[None, Some(1900.0)], |_| CellValues::default());
         let total: f64 = assembly.mass.iter().map(|&m| f64::from(m)).sum();
         assert!((total / ((1060.0 + 1900.0) * 8e-9) - 1.0).abs() < 1e-6);
         let kinds = assembly.rigid.expect("bone moves").kind().to_vec();
         assert_eq!(kinds.iter().filter(|&&kind| kind == RigidKind::Free).count(), 8);
+    }
+
+    /// Partly filled, soft and rigid: what a particle weighs is an eighth of each cell around it, written out here.
+    #[test]
+    fn every_cell_has_the_mass_of_its_own_density() {
+        let grid = Grid { shape: GridShape::new(4, 3, 2), affine: Affine::from_spacing([2.0; 3], [0.0; 3]).unwrap() };
+        let organs = (0..24).map(|voxel| u8::from(voxel % 4 >= 2)).collect();
+        let fill = Volume::from_vec(grid, (0..24).map(|voxel| 0.25 + (voxel % 7) as f32 / 8.0).collect());
+        let lattice = build_cells(&OrganMap::from_vec(grid, organs), Some(&fill)).unwrap();
+        let density = |cell: u32| 900.0 + 37.0 * f64::from(cell);
+        let values = |cell| CellValues { density: Some(density(cell)), ..CellValues::default() };
+        let assembly = assemble_varied(&lattice, &[Some(BODY), None], &[None, Some(1.0)], values);
+        let mut expected = 0.0;
+        for particle in 0..lattice.len() as u32 {
+            let around = lattice.cells_around(particle).filter(|&cell| lattice.cell_organ[cell as usize] != NO_ORGAN);
+            let sum: f64 =
+                around.map(|cell| density(cell) * f64::from(lattice.cell_fill[cell as usize]) * 8e-9 / 8.0).sum();
+            assert!((f64::from(assembly.mass[particle as usize]) / sum - 1.0).abs() < 1e-6, "particle {particle}");
+            expected += sum;
+        }
+        let total: f64 = assembly.mass.iter().map(|&mass| f64::from(mass)).sum();
+        assert!((total / expected - 1.0).abs() < 1e-6);
+
+        // A damping ratio is relative to the cell's own frequency, which goes with its own density.
+        let plain = assemble(&lattice, &[Some(BODY), None]);
+        let damping = |assembly: &Assembly, cell: usize| match &assembly.damping {
+            Some(SpringConstants::SumOfCells { cell: values, .. }) => f64::from(values[cell]),
+            _ => panic!("tissue sums cells"),
+        };
+        for cell in (0..lattice.len()).filter(|&cell| lattice.cell_organ[cell] == 0) {
+            let ratio = damping(&assembly, cell) / damping(&plain, cell);
+            assert!((ratio - (density(cell as u32) / BODY.density).sqrt()).abs() < 1e-6, "{ratio}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::io::nifti::{ReadVolumeError, read_ct, read_labels};
 use crate::phantom::{self, PhantomError};
-use crate::scene::resolved::{Body, Scene, VolumeSource, YoungsModulus};
+use crate::scene::resolved::{Property, PropertyKind, Scene, VolumeSource};
 use crate::store::InputFile;
 use crate::volume::{CtVolume, GridMismatch, LabelVolume, Overlay, check_same_grid};
 
@@ -17,8 +17,8 @@ pub struct Inputs {
     pub image: Option<CtVolume>,
     /// Label map.
     pub labels: Option<LabelVolume>,
-    /// Volumes of Young's modulus [Pa] by the path the scene names, on the same grid.
-    pub moduli: BTreeMap<PathBuf, CtVolume>,
+    /// Volumes of Young's modulus [Pa] or density [kg/m^3] by the path the scene names, on the same grid.
+    pub properties: BTreeMap<PathBuf, CtVolume>,
     /// Voxels of the image that were NaN or infinite and have been read as air.
     pub replaced_voxels: u64,
     /// The files that were read.
@@ -35,10 +35,10 @@ pub enum InputError {
     /// The phantom cannot be made.
     #[error(transparent)]
     Phantom(#[from] PhantomError),
-    /// A volume of moduli does not lie on the grid of the scene's volume.
+    /// A volume of moduli or densities does not lie on the grid of the scene's volume.
     #[error("{}: {source}", path.display())]
-    ModulusGrid {
-        /// The volume of moduli.
+    PropertyGrid {
+        /// The volume of moduli or densities.
         path: PathBuf,
         /// How they differ.
         source: Box<GridMismatch>,
@@ -70,18 +70,22 @@ pub enum InputError {
 pub fn load(scene: &Scene) -> Result<Inputs, InputError> {
     let mut inputs = load_volume(&scene.volume)?;
     let grid = inputs.labels.as_ref().map(LabelVolume::grid).or(inputs.image.as_ref().map(CtVolume::grid)).copied();
-    for organ in &scene.organs {
-        let Body::Tissue { youngs_modulus: YoungsModulus::FromFile(path), .. } = &organ.body else { continue };
-        if inputs.moduli.contains_key(path) {
+    for (organ, kind) in scene.organs.iter().flat_map(|organ| PropertyKind::ALL.map(|kind| (organ, kind))) {
+        let Some(Property::FromFile(path)) = organ.body.property(kind) else { continue };
+        if inputs.properties.contains_key(path) {
             continue;
         }
-        let (moduli, info) = read_ct(path)?;
+        let (values, info) = read_ct(path)?;
+        let overlay = match kind {
+            PropertyKind::YoungsModulus => Overlay::Moduli,
+            PropertyKind::Density => Overlay::Densities,
+        };
         if let Some(grid) = &grid {
-            check_same_grid(grid, moduli.grid(), Overlay::Moduli)
-                .map_err(|source| InputError::ModulusGrid { path: path.clone(), source: Box::new(source) })?;
+            check_same_grid(grid, values.grid(), overlay)
+                .map_err(|source| InputError::PropertyGrid { path: path.clone(), source: Box::new(source) })?;
         }
         record(&mut inputs.files, &info.header_path, &info.data_path)?;
-        inputs.moduli.insert(path.clone(), moduli);
+        inputs.properties.insert(path.clone(), values);
     }
     Ok(inputs)
 }
@@ -97,7 +101,7 @@ pub fn load_volume(source: &VolumeSource) -> Result<Inputs, InputError> {
             Ok(Inputs {
                 image: Some(phantom.image),
                 labels: Some(phantom.labels),
-                moduli: BTreeMap::new(),
+                properties: BTreeMap::new(),
                 replaced_voxels: 0,
                 files: Vec::new(),
             })
@@ -129,7 +133,7 @@ pub fn load_volume(source: &VolumeSource) -> Result<Inputs, InputError> {
                     source: Box::new(source),
                 })?;
             }
-            Ok(Inputs { image, labels, moduli: BTreeMap::new(), replaced_voxels, files })
+            Ok(Inputs { image, labels, properties: BTreeMap::new(), replaced_voxels, files })
         }
     }
 }

@@ -9,11 +9,12 @@ use crate::lattice::build::{BuildLatticeError, build};
 use crate::lattice::cells::build_cells;
 use crate::lattice::{Lattice, Topology};
 use crate::material::Assembly;
-use crate::scene::resolved::{Body, Model, Scene, TimeSpec};
+use crate::scene::resolved::{Body, Model, PropertyKind, Scene, TimeSpec};
 use crate::volume::ResampleError;
 
 use super::inputs::Inputs;
-use super::materials::assemble;
+use super::materials::{Materials, assemble};
+pub use super::materials::{Spread, Spreads};
 use super::organs::{Organs, organs};
 use super::range;
 
@@ -52,20 +53,22 @@ pub enum PrepareError {
         /// The pitch [mm].
         pitch: f64,
     },
-    /// A volume of moduli has no modulus where an organ needs one.
+    /// A volume of moduli or densities has none where an organ needs one.
     #[error(
-        "organ `{organ}`: {} gives a Young's modulus of {found} Pa at ({:.1}, {:.1}, {:.1}) mm (RAS+), expected a number \
-         above 0 in every voxel of the organ; mend the volume or restrict the organ",
-        file.display(), place.x, place.y, place.z
+        "organ `{organ}`: {} gives a {} of {found} {} at ({:.1}, {:.1}, {:.1}) mm (RAS+), expected a number above 0 in \
+         every voxel of the organ; mend the volume or restrict the organ",
+        file.display(), kind.name(), kind.unit(), place.x, place.y, place.z
     )]
-    Modulus {
+    Property {
         /// Name of the organ.
         organ: String,
-        /// The volume of moduli.
+        /// What the volume should hold.
+        kind: PropertyKind,
+        /// The volume.
         file: PathBuf,
         /// Where, RAS+ [mm].
         place: Point3,
-        /// What it gives [Pa].
+        /// What it gives, in the unit of `kind`.
         found: f64,
     },
     /// The lattice cannot be built.
@@ -122,6 +125,8 @@ pub struct Prepared {
     pub lattice: Lattice,
     /// Masses and spring constants.
     pub assembly: Assembly,
+    /// How the properties of each organ spread that differ from place to place.
+    pub spreads: Vec<Spreads>,
     /// Steps and frames.
     pub schedule: Schedule,
 }
@@ -213,7 +218,7 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
         Model::Paper => build(&map)?,
         Model::Tissue => build_cells(&map, fill.as_ref())?,
     };
-    let assembly = assemble(scene, inputs, &native, &lattice)?;
+    let Materials { assembly, spreads } = assemble(scene, inputs, &native, &lattice)?;
     let rigid: Vec<bool> = scene.organs.iter().map(|organ| !soft(&organ.body)).collect();
     let names: Vec<&str> = scene.organs.iter().map(|organ| organ.name.as_str()).collect();
     // Infinite or zero constants first: they make the limits meaningless.
@@ -223,7 +228,7 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
     let sharpen = |limits: Limits, steps: f64| limits.sharpen(&lattice, &topology, &assembly, steps);
     let schedule = Schedule::new(&scene.time, at_rest, sharpen)?;
     range::check(&lattice, &assembly, &names, &rigid, schedule.dt)?;
-    Ok(Prepared { lattice, assembly, schedule })
+    Ok(Prepared { lattice, assembly, spreads, schedule })
 }
 
 impl Prepared {

@@ -5,9 +5,9 @@ use std::path::Path;
 use super::checks::Checks;
 use super::diagnostics::KeyPath;
 use super::problem::{Caution, Problem, nearest_name, number};
-use super::resolved::{Body, Damping, Model, YoungsModulus};
+use super::resolved::{Body, Damping, Model, Property};
 use super::schema::{self, SceneFile};
-use super::values::{MapPoint, Modulus, VaryingModulus};
+use super::written_property::{Written, resolve};
 use crate::material::library::{Tissue, tissue, tissues};
 
 const DEFAULT_DAMPING_RATIO: f64 = 0.1;
@@ -47,7 +47,7 @@ pub(super) fn body(
             let problem = Problem::Conflict { first: "rigid".into(), second: key.into(), next: next.to_owned() };
             checks.problem(&table.key(key), problem);
         }
-        return rigid(checks, table, organ);
+        return rigid(checks, table, organ, file, folder);
     }
     let foreign: Vec<(&'static str, bool)> = match model {
         Model::Tissue => paper.to_vec(),
@@ -66,12 +66,19 @@ pub(super) fn body(
     }
 }
 
-fn rigid(checks: &mut Checks<'_>, table: &KeyPath, organ: &schema::Organ) -> Option<Body> {
+fn rigid(
+    checks: &mut Checks<'_>,
+    table: &KeyPath,
+    organ: &schema::Organ,
+    file: &SceneFile,
+    folder: &Path,
+) -> Option<Body> {
     let material = material(checks, table, organ).ok()?;
-    if let Some(density) = organ.density {
-        check_density(checks, table, density);
-    }
-    Some(Body::Rigid { density: organ.density.or(material.map(|tissue| tissue.density)) })
+    let density = match &organ.density {
+        Some(written) => Some(resolve(checks, table, written, &file.volume, folder)?),
+        None => material.map(|tissue| Property::Constant(tissue.density)),
+    };
+    Some(Body::Rigid { density })
 }
 
 fn of_the_paper(checks: &mut Checks<'_>, table: &KeyPath, organ: &schema::Organ) -> Option<Body> {
@@ -94,15 +101,13 @@ fn elastic(
 ) -> Option<Body> {
     // A name that is not known has been reported; that its numbers are missing would not be news.
     let material = material(checks, table, organ).ok()?;
-    let written = organ.youngs_modulus.clone().or(material.map(|tissue| Modulus::Constant(tissue.youngs_modulus)));
+    let written = organ.youngs_modulus.clone().or(material.map(|tissue| Written::Constant(tissue.youngs_modulus)));
     let example = "5e3 (Pa), or take one by name: material = \"liver\"";
     let written = needed(checks, table, "youngs_modulus", written, Model::Tissue, example);
-    let density = organ.density.or(material.map(|tissue| tissue.density));
+    let density = organ.density.clone().or(material.map(|tissue| Written::Constant(tissue.density)));
     let density = needed(checks, table, "density", density, Model::Tissue, "1060 (kg/m3)");
-    let youngs_modulus = written.and_then(|written| modulus(checks, table, written, file, folder));
-    if let Some(density) = density {
-        check_density(checks, table, density);
-    }
+    let youngs_modulus = written.and_then(|written| resolve(checks, table, &written, &file.volume, folder));
+    let density = density.and_then(|written| resolve(checks, table, &written, &file.volume, folder));
     let poissons_ratio = poissons_ratio(checks, table, organ.poissons_ratio, material);
     let damping = damping(checks, table, organ);
     Some(Body::Tissue { youngs_modulus: youngs_modulus?, poissons_ratio, density: density?, damping: damping? })
@@ -184,92 +189,5 @@ fn damping(checks: &mut Checks<'_>, table: &KeyPath, organ: &schema::Organ) -> O
             let ratio = ratio.unwrap_or(DEFAULT_DAMPING_RATIO);
             Some(Damping::Ratio(checks.not_negative(&table.key("damping_ratio"), ratio, "")))
         }
-    }
-}
-
-fn modulus(
-    checks: &mut Checks<'_>,
-    table: &KeyPath,
-    written: Modulus,
-    file: &SceneFile,
-    folder: &Path,
-) -> Option<YoungsModulus> {
-    let key = table.key("youngs_modulus");
-    match written {
-        Modulus::Constant(value) => {
-            checks.above_zero(&key, value, "Pa");
-            check_usual_modulus(checks, &key, value);
-            Some(YoungsModulus::Constant(value))
-        }
-        Modulus::Varying(VaryingModulus { hu: Some(_), file: Some(_) }) => {
-            let next = "take the modulus from the CT number or from a volume of its own".to_owned();
-            let problem = Problem::Conflict { first: "hu".into(), second: "file".into(), next };
-            checks.problem(&key.key("file"), problem);
-            None
-        }
-        Modulus::Varying(VaryingModulus { hu: None, file: None }) => {
-            let expected = "a number of Pa, { hu = [[-100, 2e3], [100, 2e4]] } or { file = \"stiffness.nii.gz\" }";
-            checks.out_of_range(&key, "an empty table", expected);
-            None
-        }
-        Modulus::Varying(VaryingModulus { hu: Some(points), file: None }) => {
-            hu_map(checks, &key.key("hu"), &points, file).map(YoungsModulus::FromHu)
-        }
-        Modulus::Varying(VaryingModulus { hu: None, file: Some(path) }) => {
-            if path.as_os_str().is_empty() {
-                checks.out_of_range(&key.key("file"), "an empty path", "the path of a volume of Young's modulus [Pa]");
-            }
-            Some(YoungsModulus::FromFile(folder.join(path)))
-        }
-    }
-}
-
-fn hu_map(checks: &mut Checks<'_>, key: &KeyPath, points: &[MapPoint], file: &SceneFile) -> Option<Vec<[f64; 2]>> {
-    let before = checks.problems.len();
-    let volume = &file.volume;
-    // A volume with nothing at all has been reported as such.
-    if volume.image.is_none() && volume.phantom.is_none() && volume.labels.is_some() {
-        let next = "the modulus is taken from the CT number, so add the CT: image = \"ct.nii.gz\"".to_owned();
-        checks.problem(key, Problem::Missing { key: "volume.image".into(), next });
-    }
-    if points.len() < 2 {
-        let found = format!("{} points", points.len());
-        let expected = "at least two points [HU, Pa]; for the same modulus everywhere write youngs_modulus = 5e3";
-        checks.out_of_range(key, if points.len() == 1 { "1 point".to_owned() } else { found }, expected);
-    }
-    let mut earlier = None;
-    for (index, &MapPoint([hu, modulus])) in points.iter().enumerate() {
-        let point = key.index(index);
-        if !hu.is_finite() {
-            checks.out_of_range(&point.index(0), number(hu), "a finite number of HU");
-        } else if let Some(earlier) = earlier.filter(|&earlier| hu <= earlier) {
-            let expected =
-                format!("more than the {} HU of the point before; give the points by ascending HU", number(earlier));
-            checks.out_of_range(&point.index(0), format!("{} HU", number(hu)), expected);
-        }
-        earlier = Some(hu);
-        checks.above_zero(&point.index(1), modulus, "Pa");
-        check_usual_modulus(checks, &point.index(1), modulus);
-    }
-    (checks.problems.len() == before).then(|| points.iter().map(|point| point.0).collect())
-}
-
-/// Warns where a number looks like kPa. Softest tissue (fat, brain): some hundred Pa; metal implants reach 1.1e11 Pa
-/// (titanium).
-fn check_usual_modulus(checks: &mut Checks<'_>, key: &KeyPath, youngs_modulus: f64) {
-    if youngs_modulus > 0.0 && !(50.0..=5e11).contains(&youngs_modulus) {
-        let (usual, hint) = ("50 to 5e11", "1 kPa is 1e3 Pa");
-        let caution = Caution::UnusualValue { found: number(youngs_modulus), unit: "Pa", usual, hint };
-        checks.caution(key, caution);
-    }
-}
-
-/// Warns where a number looks like g/cm3. Inflated lung: 200 kg/m3; cortical bone: 1900 kg/m3; steel: 8000 kg/m3.
-fn check_density(checks: &mut Checks<'_>, table: &KeyPath, density: f64) {
-    let key = table.key("density");
-    checks.above_zero(&key, density, "kg/m3");
-    if density > 0.0 && !(50.0..=25_000.0).contains(&density) {
-        let (usual, hint) = ("50 to 25000", "1 g/cm3 is 1000 kg/m3");
-        checks.caution(&key, Caution::UnusualValue { found: number(density), unit: "kg/m3", usual, hint });
     }
 }

@@ -94,15 +94,31 @@ mod tests {
     }
 
     #[test]
-    fn a_modulus_is_a_number_or_one_of_two_keys() {
+    fn modulus_and_density_are_a_number_or_one_of_two_keys() {
         let schema = json_schema();
-        let choices = &schema["$defs"]["Modulus"]["anyOf"];
-        assert_eq!((choices[0]["type"].as_str(), &choices[0]["exclusiveMinimum"]), (Some("number"), &0.into()));
-        let table = &schema["$defs"]["VaryingModulus"];
-        assert_eq!((&table["minProperties"], &table["maxProperties"]), (&1.into(), &1.into()));
-        assert_eq!(table["properties"]["hu"]["minItems"], 2);
+        for (key, name) in [("youngs_modulus", "YoungsModulus"), ("density", "Density")] {
+            let organ = &schema["$defs"]["Organ"]["properties"][key];
+            assert_eq!(organ["$ref"], format!("#/$defs/{name}"));
+            let choices = &schema["$defs"][name]["anyOf"];
+            assert_eq!((choices[0]["type"].as_str(), &choices[0]["exclusiveMinimum"]), (Some("number"), &0.into()));
+            assert_eq!(choices[1]["$ref"], format!("#/$defs/Varying{name}"));
+            let table = &schema["$defs"][format!("Varying{name}")];
+            assert_eq!((&table["minProperties"], &table["maxProperties"]), (&1.into(), &1.into()));
+            let keys: Vec<&String> = table["properties"].as_object().unwrap().keys().collect();
+            assert_eq!(keys, ["file", "hu"]);
+        }
+        let map = &schema["$defs"]["HuMap"]["anyOf"];
+        assert_eq!((&map[0]["minItems"], &map[1]["type"]), (&2.into(), &"string".into()));
         assert_eq!(schema["$defs"]["MapPoint"]["maxItems"], 2);
         assert_eq!(schema["$defs"]["Organ"]["properties"]["poissons_ratio"]["maximum"], 0.49);
+    }
+
+    #[test]
+    fn the_published_maps_are_listed() {
+        let text = json_schema()["$defs"]["Organ"]["properties"]["density"]["description"].to_string();
+        for map in crate::material::ct_density::density_maps() {
+            assert!(text.contains(map.name), "no {} in {text}", map.name);
+        }
     }
 
     #[test]
@@ -110,8 +126,8 @@ mod tests {
         let schema = json_schema();
         assert!(!schema.to_string().contains("null"));
         let organ = &schema["$defs"]["Organ"]["properties"];
-        assert_eq!(organ["density"]["exclusiveMinimum"], 0);
-        assert_eq!(organ["density"]["type"], "number");
+        assert_eq!(organ["stiffness"]["exclusiveMinimum"], 0);
+        assert_eq!(organ["stiffness"]["type"], "number");
         assert_eq!(schema["$defs"]["Triple"]["minItems"], 3);
         assert_eq!(schema["$defs"]["Triple"]["maxItems"], 3);
         assert_eq!(schema["properties"]["organ"]["minItems"], 1);

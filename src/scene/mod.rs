@@ -19,11 +19,13 @@ mod look;
 mod operations;
 mod organs;
 mod problem;
+mod property;
 mod regions;
 mod resolve;
 pub mod resolved;
 mod schema;
 mod values;
+mod written_property;
 
 use std::fmt;
 use std::io::Read;

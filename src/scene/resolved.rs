@@ -8,8 +8,11 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::property::{kept, kept_or_none};
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::region::Region;
+
+pub use super::property::{Property, PropertyKind};
 
 /// Everything a run needs to know.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -163,12 +166,12 @@ pub enum Body {
     Tissue {
         /// Young's modulus [Pa].
         #[serde(rename = "youngs_modulus_pa")]
-        youngs_modulus: YoungsModulus,
+        youngs_modulus: Property,
         /// Poisson's ratio, from 0 to 0.49.
         poissons_ratio: f64,
         /// Density [kg/m^3].
-        #[serde(rename = "density_kg_per_m3")]
-        density: f64,
+        #[serde(rename = "density_kg_per_m3", deserialize_with = "kept")]
+        density: Property,
         /// How motion dies out.
         damping: Damping,
     },
@@ -176,42 +179,19 @@ pub enum Body {
     Rigid {
         /// Density of a body that moves freely as a whole [kg/m^3]; `None` for one that stays where it is unless an
         /// operation moves it.
-        #[serde(rename = "density_kg_per_m3")]
-        density: Option<f64>,
+        #[serde(rename = "density_kg_per_m3", deserialize_with = "kept_or_none")]
+        density: Option<Property>,
     },
 }
 
-/// Young's modulus of an organ [Pa].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum YoungsModulus {
-    /// The same everywhere [Pa].
-    Constant(f64),
-    /// From the CT number: points `[HU, Pa]` by ascending HU, at least two; straight between them, constant beyond the
-    /// ends.
-    FromHu(Vec<[f64; 2]>),
-    /// From a volume of moduli [Pa] on the grid of the image or labels.
-    FromFile(PathBuf),
-}
-
-impl YoungsModulus {
-    /// Young's modulus of a voxel with this CT number [Pa]; `None` when only a file knows. A value that is not a number
-    /// counts as the lowest.
-    pub fn at_hu(&self, hu: f64) -> Option<f64> {
-        match self {
-            Self::Constant(modulus) => Some(*modulus),
-            Self::FromHu(points) => {
-                // How many points lie below: the value is between the last of them and the next.
-                let next = points.iter().take_while(|point| point[0] < hu).count();
-                let Some(&[hu_above, above]) = points.get(next) else { return points.last().map(|point| point[1]) };
-                let Some(&[hu_below, below]) = next.checked_sub(1).and_then(|last| points.get(last)) else {
-                    return Some(above);
-                };
-                let t = (hu - hu_below) / (hu_above - hu_below);
-                // Exact at both ends and between them in between.
-                Some(below * (1.0 - t) + above * t)
-            }
-            Self::FromFile(_) => None,
+impl Body {
+    /// What is known of a property; `None` where the body takes no such thing.
+    pub fn property(&self, kind: PropertyKind) -> Option<&Property> {
+        match (self, kind) {
+            (Self::Tissue { youngs_modulus, .. }, PropertyKind::YoungsModulus) => Some(youngs_modulus),
+            (Self::Tissue { density, .. }, PropertyKind::Density) => Some(density),
+            (Self::Rigid { density }, PropertyKind::Density) => density.as_ref(),
+            (Self::Rigid { .. }, PropertyKind::YoungsModulus) | (Self::Paper { .. }, _) => None,
         }
     }
 }
@@ -329,16 +309,17 @@ mod tests {
             Region::HalfSpace { point: Point3::origin(), normal: Vector3::z() },
         ]);
         let paper = Body::Paper { stiffness: 0.1, damping: 0.7e-3, mass: 1e-5 };
-        let tissue = |youngs_modulus, damping| Body::Tissue {
+        let tissue = |youngs_modulus, density, damping| Body::Tissue {
             youngs_modulus,
             poissons_ratio: 0.1 + 0.2,
-            density: 1060.0,
+            density,
             damping,
         };
-        let constant = tissue(YoungsModulus::Constant(5e3), Damping::Ratio(0.1));
-        let mapped =
-            tissue(YoungsModulus::FromHu(vec![[-100.0, 2e3], [0.1 + 0.2, 1e5 / 3.0]]), Damping::Viscosity(0.7));
-        let measured = tissue(YoungsModulus::FromFile("/data/e.nii.gz".into()), Damping::Viscosity(0.0));
+        let map = |values: [f64; 2]| Property::FromHu(vec![[-100.0, values[0]], [0.1 + 0.2, values[1]]]);
+        let file = |name: &str| Property::FromFile(name.into());
+        let constant = tissue(Property::Constant(5e3), Property::Constant(1060.0), Damping::Ratio(0.1));
+        let mapped = tissue(map([2e3, 1e5 / 3.0]), file("/data/density.nii.gz"), Damping::Viscosity(0.7));
+        let measured = tissue(file("/data/e.nii.gz"), map([900.0, 1e3 / 0.9]), Damping::Viscosity(0.0));
         let labels = |label| VoxelSelection::Labels(vec![label]);
         let color = [0.1, 0.2, 1.0 / 3.0];
         let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color, look: None };
@@ -359,7 +340,10 @@ mod tests {
                     look: Some(Look::Window([-0.1, 1e2 / 3.0])),
                     ..organ("c", labels(7), Body::Rigid { density: None })
                 },
-                Organ { look: Some(colors), ..organ("d", labels(8), Body::Rigid { density: Some(1920.0) }) },
+                Organ {
+                    look: Some(colors),
+                    ..organ("d", labels(8), Body::Rigid { density: Some(Property::Constant(1920.0)) })
+                },
                 organ("e", labels(9), mapped),
                 organ("f", labels(10), measured),
             ],
@@ -394,7 +378,10 @@ mod tests {
         assert_eq!(tissue(4)["youngs_modulus_pa"]["from_hu"][0][1], 2e3);
         assert_eq!(tissue(4)["damping"]["viscosity_pa_s"], 0.7);
         assert_eq!(tissue(5)["youngs_modulus_pa"]["from_file"], "/data/e.nii.gz");
-        assert_eq!(value["organs"][3]["body"]["rigid"]["density_kg_per_m3"], 1920.0);
+        assert_eq!(tissue(1)["density_kg_per_m3"]["constant"], 1060.0);
+        assert_eq!(tissue(4)["density_kg_per_m3"]["from_file"], "/data/density.nii.gz");
+        assert_eq!(tissue(5)["density_kg_per_m3"]["from_hu"][0][1], 900.0);
+        assert_eq!(value["organs"][3]["body"]["rigid"]["density_kg_per_m3"]["constant"], 1920.0);
         assert!(value["organs"][2]["body"]["rigid"]["density_kg_per_m3"].is_null());
         assert_eq!(value["organs"][2]["look"]["window_hu"][0], -0.1_f32);
         assert_eq!(value["organs"][3]["look"]["colors"][1]["color_linear_rgb"][0], 0.1_f32);
@@ -405,37 +392,17 @@ mod tests {
         assert_eq!(value["operations"][3]["action"]["cut"]["path_mm"][0][0], 1.0);
     }
 
+    /// Runs written while a density was always a number.
     #[test]
-    fn a_map_is_straight_between_its_points_and_constant_beyond() {
-        let map = YoungsModulus::FromHu(vec![[-100.0, 2e3], [0.0, 5e3], [100.0, 2e4]]);
-        let expected = [
-            (-1e9, 2e3),
-            (-100.0, 2e3),
-            (-50.0, 3.5e3),
-            (0.0, 5e3),
-            (20.0, 8e3),
-            (100.0, 2e4),
-            (3e3, 2e4),
-            (f64::NEG_INFINITY, 2e3),
-            (f64::INFINITY, 2e4),
-            (f64::NAN, 2e3),
-        ];
-        for (hu, modulus) in expected {
-            assert_eq!(map.at_hu(hu), Some(modulus), "{hu} HU");
-        }
-        assert_eq!(YoungsModulus::Constant(7.0).at_hu(40.0), Some(7.0));
-        assert_eq!(YoungsModulus::FromFile("e.nii".into()).at_hu(40.0), None);
+    fn a_density_without_a_tag_is_constant() {
+        let scene = scene();
+        let mut value = serde_json::to_value(&scene).unwrap();
+        value["organs"][1]["body"]["tissue"]["density_kg_per_m3"] = 1060.0.into();
+        value["organs"][3]["body"]["rigid"]["density_kg_per_m3"] = 1920.0.into();
+        assert_eq!(serde_json::from_value::<Scene>(value).unwrap(), scene);
     }
 
     proptest::proptest! {
-        #[test]
-        fn a_map_never_leaves_the_values_around(hu in -2e3..4e3, low in 1.0..1e6, high in 1.0..1e11) {
-            let map = YoungsModulus::FromHu(vec![[-1e3, low], [40.0, high], [41.0, low]]);
-            let modulus = map.at_hu(hu).unwrap();
-            let (least, most) = (low.min(high), low.max(high));
-            proptest::prop_assert!(modulus >= least * (1.0 - 1e-15) && modulus <= most * (1.0 + 1e-15), "{}", modulus);
-        }
-
         #[test]
         fn every_finite_number_survives_json(bits: u64, pitch: f64) {
             let duration = f64::from_bits(bits);

@@ -9,7 +9,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::resolved::{Model, PhantomKind};
-use super::values::{ColorPoint, LabelList, Modulus, Pair, Triple, some_table, table, tables};
+use super::values::{ColorPoint, LabelList, Pair, Triple, some_table, table, tables};
+use super::written_property::{Density, Written, YoungsModulus};
 
 /// A scene of yawara: which organs, which material, what is done to them, and when.
 ///
@@ -120,7 +121,7 @@ pub(super) struct Organ {
     /// grid of the image or labels. Default: that of `material`; without one it is needed. Liver is about 5 kPa.
     /// Example: `youngs_modulus = 5e3`, `youngs_modulus = { hu = [[-100, 2e3], [0, 5e3], [100, 2e4]] }` or
     /// `youngs_modulus = { file = "stiffness.nii.gz" }`.
-    pub(super) youngs_modulus: Option<Modulus>,
+    pub(super) youngs_modulus: Option<Written<YoungsModulus>>,
     /// Poisson's ratio, from 0 to 0.49; model "tissue" only. Default: that of `material` (0.45 for soft tissue), without
     /// one 0.25, which is what springs alone have and costs nothing extra. Any other value adds a volume term to every
     /// cell, and the nearer to 1/2, the smaller the time step: at 0.49 it is half that at 0.45 without
@@ -128,10 +129,12 @@ pub(super) struct Organ {
     /// only. Example: `poissons_ratio = 0.45`.
     #[schemars(extend("minimum" = 0, "maximum" = 0.49))]
     pub(super) poissons_ratio: Option<f64>,
-    /// Density [kg/m^3], above 0; model "tissue", or rigid. Default: that of `material`; without one it is needed unless
-    /// the organ is rigid. Example: `density = 1060`.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub(super) density: Option<f64>,
+    /// Density [kg/m^3], above 0; model "tissue", or rigid. A number, a map from CT numbers (points, or a published one by
+    /// its name), or a volume of densities on the grid of the image or labels. Default: that of `material`; without one
+    /// it is needed unless the organ is rigid.
+    /// Example: `density = 1060`, `density = { hu = [[-100, 930], [0, 1000], [100, 1100]] }`,
+    /// `density = { hu = "schneider_2000" }` or `density = { file = "density.nii.gz" }`.
+    pub(super) density: Option<Written<Density>>,
     /// Damping relative to critical at the lattice's own frequency, sqrt(youngs_modulus / density) / pitch; 0 or more,
     /// model "tissue" only. Another pitch damps the same motion differently; `viscosity`, given instead, does not.
     /// Default: 0.1, unless `viscosity` is given. Example: `damping_ratio = 0.2`.

@@ -1,9 +1,8 @@
 //! Values of a scene that derived readers would accept too freely or refuse without a reason: tables that must not be
-//! lists, lists of exactly two or three numbers, labels by number or name, stiffness as a number or a table.
+//! lists, lists of exactly two or three numbers, labels by number or name.
 
 use std::fmt;
 use std::marker::PhantomData;
-use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
@@ -88,16 +87,6 @@ impl<'de> Deserialize<'de> for Pair {
     }
 }
 
-/// A point of a map from CT numbers to stiffness: two numbers [HU, Pa].
-#[derive(Debug, Clone, Copy, JsonSchema)]
-pub(super) struct MapPoint(pub(super) [f64; 2]);
-
-impl<'de> Deserialize<'de> for MapPoint {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        exactly(deserializer, "two numbers [HU, Pa]").map(Self)
-    }
-}
-
 /// A colour of a CT number: [HU, "#rrggbb"].
 #[derive(Debug, Clone, JsonSchema)]
 pub(super) struct ColorPoint(pub(super) f64, pub(super) String);
@@ -128,64 +117,11 @@ impl<'de> Visitor<'de> for ColorPointVisitor {
     }
 }
 
-/// Young's modulus as written: one number, or a table that says how it varies.
-#[derive(Debug, Clone, JsonSchema)]
-#[serde(untagged)]
-pub(super) enum Modulus {
-    /// The same everywhere [Pa], above 0.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    Constant(f64),
-    /// Different from place to place.
-    Varying(VaryingModulus),
-}
-
-/// Young's modulus that differs from place to place: one of these keys.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
-pub(super) struct VaryingModulus {
-    /// From the CT number: points [HU, Pa] by ascending HU, at least two; straight between them, constant beyond the
-    /// ends. Needs a CT image or a phantom. Example: `youngs_modulus = { hu = [[-100, 2e3], [0, 5e3], [100, 2e4]] }`.
-    #[schemars(length(min = 2))]
-    pub(super) hu: Option<Vec<MapPoint>>,
-    /// From a volume of Young's modulus [Pa] on the grid of the image or labels, such as elastography gives; a path
-    /// relative to the scene file. Example: `youngs_modulus = { file = "stiffness.nii.gz" }`.
-    pub(super) file: Option<PathBuf>,
-}
-
-impl<'de> Deserialize<'de> for Modulus {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(ModulusVisitor)
-    }
-}
-
-struct ModulusVisitor;
-
-impl<'de> Visitor<'de> for ModulusVisitor {
-    type Value = Modulus;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number of Pa, or a table { hu = [[HU, Pa], ...] } or { file = \"stiffness.nii.gz\" }")
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Modulus, E> {
-        Ok(Modulus::Constant(value))
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Modulus, E> {
-        Ok(Modulus::Constant(value as f64))
-    }
-
-    fn visit_u64<E: Error>(self, value: u64) -> Result<Modulus, E> {
-        Ok(Modulus::Constant(value as f64))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Modulus, A::Error> {
-        VaryingModulus::deserialize(MapAccessDeserializer::new(map)).map(Modulus::Varying)
-    }
-}
-
-fn exactly<'de, D: Deserializer<'de>, const N: usize>(deserializer: D, expected: &str) -> Result<[f64; N], D::Error> {
+/// A list of so many numbers.
+pub(super) fn exactly<'de, D: Deserializer<'de>, const N: usize>(
+    deserializer: D,
+    expected: &str,
+) -> Result<[f64; N], D::Error> {
     let numbers = Vec::<f64>::deserialize(deserializer)?;
     let found = numbers.len();
     numbers.try_into().map_err(|_| D::Error::custom(format!("expected {expected}, found {found} of them")))
@@ -294,37 +230,6 @@ mod tests {
         let error = gravity("acceleration = [1, 2, 3, 4]").unwrap_err();
         assert!(error.message().contains("three numbers [x, y, z], found 4"), "{error}");
         assert_eq!(error.span(), Some(15..27));
-    }
-
-    #[test]
-    fn a_modulus_is_a_number_or_a_table() {
-        #[derive(Debug, Deserialize)]
-        struct Holder {
-            modulus: Modulus,
-        }
-        let read = |text: &str| toml::from_str::<Holder>(&format!("modulus = {text}")).map(|holder| holder.modulus);
-        assert!(matches!(read("5000"), Ok(Modulus::Constant(5e3))));
-        assert!(matches!(read("5e3"), Ok(Modulus::Constant(5e3))));
-        let Ok(Modulus::Varying(VaryingModulus { hu: Some(points), file: None })) =
-            read("{ hu = [[-1, 2.5], [3, 4]] }")
-        else {
-            panic!("the map is read")
-        };
-        assert_eq!(points.iter().map(|point| point.0).collect::<Vec<_>>(), [[-1.0, 2.5], [3.0, 4.0]]);
-        let file = read("{ file = 'a.nii' }").unwrap();
-        assert!(
-            matches!(file, Modulus::Varying(VaryingModulus { hu: None, file: Some(path) }) if path.ends_with("a.nii"))
-        );
-        for (bad, message) in [
-            ("'soft'", "expected a number of Pa, or a table { hu"),
-            ("[1, 2]", "expected a number of Pa, or a table { hu"),
-            ("{ hu = [[1, 2, 3]] }", "expected two numbers [HU, Pa], found 3"),
-            ("{ HU = [[1, 2]] }", "unknown field `HU`"),
-        ] {
-            let error = read(bad).unwrap_err();
-            assert!(error.message().contains(message), "{bad}: {error}");
-            assert!(error.span().is_some(), "{bad}");
-        }
     }
 
     #[test]

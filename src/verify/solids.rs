@@ -7,7 +7,7 @@ use crate::geometry::{Matrix3, Vector3};
 use crate::kernel::reference::{spring_forces, volume_forces};
 use crate::lattice::Topology;
 use crate::lattice::neighbours::ALL_ALIVE;
-use crate::material::tissue::TissueBody;
+use crate::material::tissue::{CellValues, TissueBody, assemble_varied};
 
 /// Poisson's ratios that are tried.
 const RATIOS: [f64; 6] = [0.0, 0.1, 0.25, 0.3, 0.45, 0.49];
@@ -32,7 +32,11 @@ pub(super) fn cases() -> Vec<Case> {
             "the tip of a beam, as a share of Timoshenko's deflection, comes nearer at second order",
             cantilever,
         ),
-        case("hanging-column", "a column under its own weight stretches by rho g L^2 / 2E", hanging_column),
+        case(
+            "hanging-column",
+            "a column under its own weight stretches by rho g L^2 / 2E, and by the integral where rho differs with height",
+            hanging_column,
+        ),
     ]
 }
 
@@ -242,9 +246,17 @@ fn cantilever() -> Finding {
 fn hanging_column() -> Finding {
     const GRAVITY: f64 = 9.81;
     let (cells, mut worst, mut texts) = ([4, 4, 24], 0.0_f64, Vec::new());
-    for nu in [0.0, 0.25, 0.45] {
+    let length = cells[2] as f64 * H;
+    for (nu, graded) in [(0.0, false), (0.25, false), (0.45, false), (0.0, true), (0.25, true), (0.45, true)] {
         let body = TissueBody { poissons_ratio: nu, ..MATERIAL };
-        let solid = bar(cells, body);
+        let mut solid = bar(cells, body);
+        // Of the material's density, by the height over the lower end from 0 to 1.
+        let share = |height: f64| if graded { 0.4 + 1.8 * height * height } else { 1.0 };
+        let density = |cell: u32| body.density * share((solid.place(cell).z + 0.5 * H) / length);
+        solid.assembly = assemble_varied(&solid.lattice, &[Some(body)], &[None], |cell| CellValues {
+            density: Some(density(cell)),
+            ..CellValues::default()
+        });
         let mut supports = Supports::none(&solid.lattice);
         let top = solid.layer(2, cells[2]);
         top.iter().for_each(|&p| supports.give(p, 2, 0.0));
@@ -255,10 +267,12 @@ fn hanging_column() -> Finding {
         let displacement = Statics::new(&solid).solve(&supports, &weight);
         let end = solid.layer(2, 0);
         let found = -end.iter().map(|&p| displacement[p as usize].z).sum::<f64>() / end.len() as f64;
-        let length = cells[2] as f64 * H;
-        let expected = body.density * GRAVITY * length * length / (2.0 * body.youngs_modulus);
+        // The integral of share (1 - height) over the height: 0.4 / 2 + 1.8 (1/3 - 1/4).
+        let integral = if graded { 0.35 } else { 0.5 };
+        let expected = integral * body.density * GRAVITY * length * length / body.youngs_modulus;
         worst = worst.max((found / expected - 1.0).abs());
-        texts.push(format!("nu {nu}: {:.4} mm of {:.4} mm", 1e3 * found, 1e3 * expected));
+        let graded = if graded { ", density graded 0.4 to 2.2" } else { "" };
+        texts.push(format!("nu {nu}{graded}: {:.4} mm of {:.4} mm", 1e3 * found, 1e3 * expected));
     }
     Finding { happened: texts.join("; "), error: worst, allowed: 5e-3, steps: 0 }
 }

@@ -1,4 +1,4 @@
-//! Whether a label map or a volume of moduli lies on the voxels of the volume it belongs to.
+//! Whether a label map, or a volume of moduli or densities, lies on the voxels of the volume it belongs to.
 
 use crate::geometry::{Grid, GridShape, Point3};
 
@@ -13,6 +13,8 @@ pub enum Overlay {
     Labels,
     /// Young's moduli over the volume of a scene.
     Moduli,
+    /// Densities over the volume of a scene.
+    Densities,
 }
 
 impl Overlay {
@@ -20,13 +22,14 @@ impl Overlay {
         match self {
             Self::Labels => "the label map",
             Self::Moduli => "the volume of moduli",
+            Self::Densities => "the volume of densities",
         }
     }
 
     fn under(self) -> &'static str {
         match self {
             Self::Labels => "the CT",
-            Self::Moduli => "the scene's volume",
+            Self::Moduli | Self::Densities => "the scene's volume",
         }
     }
 
@@ -40,6 +43,10 @@ impl Overlay {
                 "resample the moduli to the grid of the scene's image or labels (linear), or name the volume they were \
                  measured on in [volume]"
             }
+            Self::Densities => {
+                "resample the densities to the grid of the scene's image or labels (linear), or name the volume they \
+                 belong to in [volume]"
+            }
         }
     }
 
@@ -49,6 +56,10 @@ impl Overlay {
             Self::Labels => "resample the labels to the CT's grid or correct the affine of one of the files",
             Self::Moduli => {
                 "resample the moduli to the grid of the scene's image or labels, or correct the affine of one of the files"
+            }
+            Self::Densities => {
+                "resample the densities to the grid of the scene's image or labels, or correct the affine of one of the \
+                 files"
             }
         }
     }
@@ -155,6 +166,11 @@ mod tests {
         for (overlay, own, others) in [
             (Overlay::Labels, ["the label map", "the CT", "resample the labels"], "moduli"),
             (Overlay::Moduli, ["the volume of moduli", "the scene's volume", "resample the moduli"], "label map"),
+            (
+                Overlay::Densities,
+                ["the volume of densities", "the scene's volume", "resample the densities"],
+                "label map",
+            ),
         ] {
             let message = |grid: &Grid| check_same_grid(&ct, grid, overlay).unwrap_err().to_string();
             for (message, values) in [

@@ -1,4 +1,4 @@
-//! Tissues by name, and Young's modulus from a volume of its own.
+//! Tissues by name, and Young's modulus and density from the CT or from volumes of their own.
 
 use yawara::geometry::{Affine, Grid};
 use yawara::io::nifti::{CtEncoding, read_labels, write_ct};
@@ -36,6 +36,12 @@ fn materials_are_listed_with_their_numbers_and_sources() {
         let name = material["name"].as_str().expect("a name");
         assert!(columns(name).len() >= 6, "{name}");
     }
+    // The published maps from CT numbers, each with its points and where they are from.
+    let maps = json["density_maps"].as_array().expect("a list");
+    assert_eq!(maps.len(), yawara::material::ct_density::density_maps().len());
+    assert_eq!(maps[0]["points_hu_kg_per_m3"][0][0], -1000.0);
+    assert!(maps[0]["source"].as_str().is_some_and(|source| source.contains("Phys. Med. Biol. 45 (2000) 459")));
+    assert!(line("schneider_2000").contains("-1000: 1.21, -98: 930.5"), "{}", line("schneider_2000"));
     folder.yawara(&["info"]).refused(&["<PATH>"]);
     folder.yawara(&["info", "cube.toml", "--materials"]).refused(&["--materials"]);
     assert!(folder.everything().is_empty(), "info writes nothing");
@@ -88,7 +94,8 @@ fn a_volume_of_moduli_gives_every_cell_its_own() {
     };
     let first = bound(&folder);
     write(&folder, grid, (0..labels.len()).map(|voxel| 2.0 * value(voxel)).collect());
-    folder.yawara(&["info", "cube.toml"]).done().prints(&["cube: its modulus differs from cell to cell"]);
+    let text = folder.yawara(&["info", "cube.toml"]).done();
+    text.prints(&["cube: its modulus differs from cell to cell, 4000 to 40000 Pa, mean 22000"]);
     let ratio = first / bound(&folder);
     assert!((ratio / 2.0_f64.sqrt() - 1.0).abs() < 0.01, "{ratio}");
 }
@@ -120,4 +127,71 @@ fn moduli_that_cannot_be_used_are_refused() {
     write(&folder, Grid { shape, ..grid }, vec![5e3; shape.len()]);
     let [found, expected] = [shape, grid.shape].map(|shape| shape.to_string());
     refused(&["moduli.nii.gz", "the volume of moduli has", &found, &expected]);
+}
+
+/// The cube with its density as given.
+fn with_density(density: &str) -> String {
+    scene().replace("{ file = \"moduli.nii.gz\" }", "5e3").replace("density = 1060", &format!("density = {density}"))
+}
+
+#[test]
+fn a_density_from_ct_or_from_a_volume_is_told_by_info() {
+    let (folder, grid, labels) = prepared();
+    let [nx, ny, nz] = grid.shape.dims();
+    let upper = |voxel: usize| voxel / (nx * ny) >= nz / 2;
+    let value = |voxel: usize| match labels[voxel] {
+        0 => 0.0,
+        _ if upper(voxel) => 1200.0,
+        _ => 800.0,
+    };
+    let densities: CtVolume = Volume::from_vec(grid, (0..labels.len()).map(value).collect());
+    write_ct(&folder.path("densities.nii.gz"), &densities, CtEncoding::Float32).expect("written");
+    folder.write("cube.toml", with_density("{ file = \"densities.nii.gz\" }"));
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    let spread = &facts["organs"][0]["spread"];
+    assert_eq!(spread["density_kg_per_m3"], serde_json::json!({ "least": 800.0, "most": 1200.0, "mean": 1000.0 }));
+    assert!(spread["youngs_modulus_pa"].is_null());
+    let told = "cube: its density differs from cell to cell, 800 to 1200 kg/m^3, mean 1000";
+    folder.yawara(&["info", "cube.toml"]).done().prints(&[told, "density_kg_per_m3 from ", "densities.nii.gz"]);
+    folder.yawara(&["run", "cube.toml", "-o", "run"]).done();
+    let manifest = String::from_utf8(folder.read("run/manifest.json")).expect("text");
+    assert!(manifest.contains("densities.nii.gz"), "{manifest}");
+    folder.yawara(&["check", "run"]).done();
+
+    // The same from CT numbers: the phantom's own, through the published map.
+    let phantom = "labels = \"ph/labels.nii.gz\"\nlabel_names = \"ph/labels.tsv\"";
+    let mapped = with_density("{ hu = \"schneider_2000\" }").replace(phantom, "phantom = \"cube\"\nspacing = 6.0");
+    folder.write("mapped.toml", mapped);
+    let facts = folder.yawara(&["info", "mapped.toml", "--json"]).done().json();
+    let spread = &facts["organs"][0]["spread"]["density_kg_per_m3"];
+    let part = |part: &str| spread[part].as_f64().expect("a number");
+    folder.yawara(&["info", "mapped.toml"]).done().prints(&["density_kg_per_m3 from HU by 7 points"]);
+    // It is 50 HU all through: 27 of the 77 HU from 23 to 100, from 1030 to 1119.9 kg/m^3.
+    let expected = 1030.0 + 27.0 / 77.0 * 89.9;
+    for name in ["least", "mean", "most"] {
+        assert!((part(name) / expected - 1.0).abs() < 1e-9, "{spread}");
+    }
+}
+
+#[test]
+fn densities_that_cannot_be_used_are_refused() {
+    let (folder, grid, labels) = prepared();
+    folder.write("cube.toml", with_density("{ file = \"densities.nii.gz\" }"));
+    let refused = |parts: &[&str]| {
+        for call in [["run", "cube.toml"], ["info", "cube.toml"]] {
+            folder.yawara(&call).refused(parts);
+        }
+    };
+    refused(&["densities.nii.gz", "o such file"]);
+    let write = |grid: Grid, values: Vec<f32>| {
+        let densities: CtVolume = Volume::from_vec(grid, values);
+        write_ct(&folder.path("densities.nii.gz"), &densities, CtEncoding::Float32).expect("written");
+    };
+    let mut values = vec![1e3; labels.len()];
+    values[labels.iter().position(|&label| label != 0).expect("an organ")] = 0.0;
+    write(grid, values);
+    refused(&["`cube`", "densities.nii.gz", "a density of 0 kg/m3", "above 0", "mm (RAS+)", "mend the volume"]);
+    let fine = Grid { affine: Affine::from_spacing([3.0; 3], [0.0; 3]).expect("an affine"), ..grid };
+    write(fine, vec![1e3; labels.len()]);
+    refused(&["densities.nii.gz", "the volume of densities", "the scene's volume", "resample the densities"]);
 }

@@ -6,7 +6,7 @@ use yawara::lattice::Lattice;
 use yawara::lattice::build::OrganMap;
 use yawara::lattice::cells::build_cells;
 use yawara::material::paper::PaperBody;
-use yawara::material::tissue::{TissueBody, assemble_varied};
+use yawara::material::tissue::{CellValues, TissueBody, assemble_varied};
 use yawara::material::{Assembly, RigidKind, RigidParts};
 
 use crate::support::*;
@@ -47,7 +47,8 @@ pub(crate) fn tissue_bone(map: &OrganMap, soft: TissueBody) -> (Lattice, Assembl
 /// The same with bone of another density [kg/m^3].
 pub(crate) fn tissue_with_bone_of(density: f64, map: &OrganMap, soft: TissueBody) -> (Lattice, Assembly) {
     let lattice = build_cells(map, None).unwrap();
-    let assembly = assemble_varied(&lattice, &[Some(soft), None, None], &[None, Some(density), None], |_| None);
+    let uniform = |_| CellValues::default();
+    let assembly = assemble_varied(&lattice, &[Some(soft), None, None], &[None, Some(density), None], uniform);
     (lattice, assembly)
 }
 

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
-use yawara::material::library;
+use yawara::material::{ct_density, library};
 use yawara::run::label_lookup::Files;
 use yawara::scene::resolved::{
-    Action, Body, Damping, Model, Operation, PhantomKind, Scene, TimeSpec, VolumeSource, VoxelSelection, YoungsModulus,
+    Action, Body, Damping, Model, Operation, PhantomKind, Property, Scene, TimeSpec, VolumeSource, VoxelSelection,
 };
 use yawara::scene::{self, Caution, LabelLookup, Problem, SceneError, Warning};
 
@@ -56,8 +56,8 @@ fn small(more: &str) -> String {
         + more
 }
 
-fn tissue(youngs_modulus: YoungsModulus, poissons_ratio: f64, density: f64, damping: Damping) -> Body {
-    Body::Tissue { youngs_modulus, poissons_ratio, density, damping }
+fn tissue(youngs_modulus: Property, poissons_ratio: f64, density: f64, damping: Damping) -> Body {
+    Body::Tissue { youngs_modulus, poissons_ratio, density: Property::Constant(density), damping }
 }
 
 fn parse(text: &str) -> (Scene, Vec<Warning>) {
@@ -90,7 +90,7 @@ fn every_bad_scene_is_refused_with_its_message() {
     }
     assert_eq!(files.len(), BAD_SCENES);
 }
-const BAD_SCENES: usize = 145;
+const BAD_SCENES: usize = 157;
 
 #[test]
 fn every_shipped_scene_resolves_without_a_warning_and_survives_json() {
@@ -152,7 +152,7 @@ fn what_is_left_out_has_defaults() {
     assert_eq!(scene.volume, VolumeSource::Files { image: None, labels: Some("/data/seg.nii.gz".into()) });
     assert_eq!((scene.lattice.model, scene.lattice.pitch), (Model::Tissue, None));
     assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![5]));
-    assert_eq!(scene.organs[0].body, tissue(YoungsModulus::Constant(5e3), 0.25, 1060.0, Damping::Ratio(0.1)));
+    assert_eq!(scene.organs[0].body, tissue(Property::Constant(5e3), 0.25, 1060.0, Damping::Ratio(0.1)));
     assert_eq!(scene.time, TimeSpec { duration: 0.4, frames: 30, dt: None });
     assert_eq!(scene.gravity, Vector3::zeros());
     let action = Action::Force { region: Region::Organ(0), force: Vector3::new(0.0, -3.0, 0.0), ramp: 0.0 };
@@ -173,7 +173,7 @@ fn body(keys: &str) -> (Body, Vec<String>) {
 
 #[test]
 fn a_material_gives_numbers_and_keys_replace_them() {
-    use YoungsModulus::{Constant, FromFile, FromHu};
+    use Property::{Constant, FromFile, FromHu};
     let liver = library::tissue("liver").unwrap();
     let (modulus, ratio, density) = (Constant(liver.youngs_modulus), liver.poissons_ratio, liver.density);
     let damped = Damping::Ratio(0.1);
@@ -207,11 +207,37 @@ fn a_material_gives_numbers_and_keys_replace_them() {
     assert_eq!(body, tissue(FromHu(vec![[-100.0, 2e3], [0.0, 5e3]]), 0.25, 1060.0, damped));
 }
 
+/// A density has the forms of a modulus, for soft organs and for rigid ones that move.
+#[test]
+fn a_density_is_a_number_a_map_or_a_volume() {
+    let published = ct_density::density_map("schneider_2000").unwrap().points.to_vec();
+    let points = vec![[-1000.0, 1.2], [-100.0, 930.0], [50.0, 1050.0]];
+    for (written, expected) in [
+        ("density = 1000", Property::Constant(1000.0)),
+        ("density = { hu = [[-1000, 1.2], [-100, 930], [50, 1050]] }", Property::FromHu(points)),
+        ("density = { hu = \"schneider_2000\" }", Property::FromHu(published.clone())),
+        ("density.hu = \"Schneider_2000\"", Property::FromHu(published)),
+        ("density = { file = \"d.nii.gz\" }", Property::FromFile("/data/d.nii.gz".into())),
+    ] {
+        // Also beside a material, whose density it replaces, and without a word about air being light.
+        let (soft, warnings) = body(&format!("material = \"liver\"\n{written}\n"));
+        let Body::Tissue { density, .. } = soft else { panic!("{soft:?}") };
+        assert_eq!((density, warnings), (expected.clone(), Vec::new()), "{written}");
+        let (rigid, warnings) = body(&format!("rigid = true\nmaterial = \"bone\"\n{written}\n"));
+        assert_eq!((rigid, warnings), (Body::Rigid { density: Some(expected) }, Vec::new()), "{written}");
+    }
+    let (_, warnings) = body("youngs_modulus = 5e3\ndensity = { hu = [[-100, 0.93], [50, 1050]] }\n");
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("organ[0].density.hu[0][1]: 0.93 kg/m3 is outside"),
+        "{warnings:?}"
+    );
+}
+
 #[test]
 fn every_material_of_the_library_can_be_named_without_a_warning() {
     for known in library::tissues() {
         let (body, warnings) = body(&format!("material = \"{}\"\n", known.name));
-        let modulus = YoungsModulus::Constant(known.youngs_modulus);
+        let modulus = Property::Constant(known.youngs_modulus);
         assert_eq!(body, tissue(modulus, known.poissons_ratio, known.density, Damping::Ratio(0.1)));
         assert!(warnings.is_empty(), "{}", warnings[0]);
     }
@@ -227,6 +253,7 @@ fn a_rigid_organ_with_a_density_is_free_and_one_without_holds() {
         ("material = \"bone\"\ndensity = 1500\n", Some(1500.0)),
     ] {
         let (body, warnings) = body(&format!("rigid = true\n{keys}"));
+        let density = density.map(Property::Constant);
         assert_eq!((body, warnings), (Body::Rigid { density }, Vec::new()), "{keys}");
     }
     let fall = "[[organ]]\nname = \"rib\"\nlabel = 6\nrigid = true\n[gravity]\nacceleration = [0, 0, -9.81]\n";
