@@ -1,0 +1,213 @@
+//! Which organ each grid point belongs to, and where between two points the borders lie.
+
+use rayon::prelude::*;
+
+use super::face::OUTSIDE;
+use crate::geometry::GridShape;
+use crate::lattice::{Lattice, NO_PARTICLE};
+use crate::surface::marching_cubes::sweep::CLEARANCE;
+
+/// The skin keeps this far from zero at points that organs only fill together.
+const LEAST: f32 = 1e-3;
+
+/// The field of one organ on a part of a grid: from -1 (none of it) to +1 (nothing else), above zero inside.
+#[derive(Debug, Clone)]
+pub struct OrganField {
+    /// First grid point of the part.
+    pub low: [usize; 3],
+    /// Points of the part along each axis.
+    pub shape: GridShape,
+    /// Values, x fastest; held within -1 and 1, NaN is -1. Beyond the part the field is -1.
+    pub values: Vec<f32>,
+}
+
+impl OrganField {
+    fn value(&self, ijk: [usize; 3]) -> f32 {
+        let at = [0, 1, 2].map(|axis| ijk[axis].wrapping_sub(self.low[axis]));
+        let within = (0..3).all(|axis| at[axis] < self.shape.dims()[axis]);
+        if within { held(self.values[self.shape.linear(at)]) } else { -1.0 }
+    }
+}
+
+fn held(value: f32) -> f32 {
+    if value.is_nan() { -1.0 } else { value.clamp(-1.0, 1.0) }
+}
+
+/// A grid divided among organs: every point is the organ's whose field is largest there, or [`OUTSIDE`].
+///
+/// Walls lie where the fields of two organs are equal, skins where the fields of all together leave half.
+#[derive(Debug, Clone)]
+pub struct Partition {
+    shape: GridShape,
+    labels: Vec<u8>,
+    /// Above zero in tissue of any organ.
+    skin: Vec<f32>,
+    fields: Vec<OrganField>,
+}
+
+impl Partition {
+    /// Divides a grid.
+    ///
+    /// - `fields`: one per organ; the earlier organ has a point where two are equal.
+    /// - `full`: whether organs fill all there is at a point: then it is tissue also where no single field is above zero.
+    ///
+    /// # Panics
+    /// If there are more than 255 fields, a field has not one value per point of its part, or its part leaves the grid.
+    pub fn new(shape: GridShape, fields: Vec<OrganField>, full: impl Fn(usize) -> bool + Sync) -> Self {
+        assert!(fields.len() <= usize::from(OUTSIDE), "organs are numbered by a byte");
+        let mut best = vec![(-1.0_f32, OUTSIDE); shape.len()];
+        // Of fields that are shares between -1 and 1: that of all organs together.
+        let mut together = vec![-1.0_f32; shape.len()];
+        let layer = shape.nx * shape.ny;
+        for (organ, field) in fields.iter().enumerate() {
+            let OrganField { low, shape: part, values } = field;
+            assert_eq!(values.len(), part.len(), "one value per point");
+            assert!((0..3).all(|axis| low[axis] + part.dims()[axis] <= shape.dims()[axis]), "a part of the grid");
+            let layers = best.par_chunks_mut(layer.max(1)).zip(together.par_chunks_mut(layer.max(1)));
+            layers.enumerate().skip(low[2]).take(part.nz).for_each(|(k, (best, together))| {
+                for j in 0..part.ny {
+                    let from = part.linear([0, j, k - low[2]]);
+                    let to = (low[1] + j) * shape.nx + low[0];
+                    for (i, &value) in values[from..from + part.nx].iter().enumerate() {
+                        let value = held(value);
+                        together[to + i] += value + 1.0;
+                        if value > best[to + i].0 {
+                            best[to + i] = (value, organ as u8);
+                        }
+                    }
+                }
+            });
+        }
+        let (labels, skin) = (0..shape.len())
+            .into_par_iter()
+            .map(|point| {
+                let ((value, organ), together) = (best[point], together[point]);
+                let inside = value > 0.0 || (together > 0.0 && organ != OUTSIDE && full(point));
+                if inside { (organ, together.max(value).max(LEAST)) } else { (OUTSIDE, together.min(value)) }
+            })
+            .unzip();
+        Self { shape, labels, skin, fields }
+    }
+
+    /// Divides the grid of a lattice by fields on all of it, one per organ, see [`crate::surface::field`].
+    ///
+    /// # Panics
+    /// As [`Partition::new`].
+    pub fn of_lattice(lattice: &Lattice, fields: Vec<Vec<f32>>) -> Self {
+        let shape = lattice.grid.shape;
+        let fields = fields.into_iter().map(|values| OrganField { low: [0; 3], shape, values }).collect();
+        let mut partition = Self::new(shape, fields, |_| false);
+        for (label, &particle) in partition.labels.iter_mut().zip(&lattice.particle_at) {
+            if particle == NO_PARTICLE {
+                *label = OUTSIDE;
+            }
+        }
+        partition
+    }
+
+    /// Number of organs, with or without tissue.
+    pub fn organs(&self) -> usize {
+        self.fields.len()
+    }
+
+    /// Organ of each grid point, or [`OUTSIDE`].
+    pub fn labels(&self) -> &[u8] {
+        &self.labels
+    }
+
+    pub(super) fn shape(&self) -> GridShape {
+        self.shape
+    }
+
+    pub(super) fn skin(&self) -> &[f32] {
+        &self.skin
+    }
+
+    /// Where the wall between the organs of two points lies, as a fraction of the way from the first.
+    pub(super) fn wall(&self, from: usize, to: usize) -> f32 {
+        let organs = [self.labels[from], self.labels[to]].map(usize::from);
+        let lead = |point: usize, own: usize, other: usize| {
+            let ijk = self.shape.ijk(point);
+            (self.fields[own].value(ijk) - self.fields[other].value(ijk)).max(0.0)
+        };
+        let (near, far) = (lead(from, organs[0], organs[1]), lead(to, organs[1], organs[0]));
+        let t = near / (near + far);
+        if t.is_finite() { t.clamp(CLEARANCE, 1.0 - CLEARANCE) } else { 0.5 }
+    }
+
+    /// The part of the grid that begins at a point, which may lie before the first; outside beyond the grid.
+    pub(super) fn part(&self, first: [i64; 3], shape: GridShape) -> Self {
+        let of = |point: usize| {
+            let ijk = shape.ijk(point);
+            let at = [0, 1, 2].map(|axis| first[axis] + ijk[axis] as i64);
+            let within = (0..3).all(|axis| at[axis] >= 0 && at[axis] < self.shape.dims()[axis] as i64);
+            within.then(|| self.shape.linear(at.map(|i| i as usize)))
+        };
+        let pick = |point: usize| of(point).map_or((OUTSIDE, -1.0), |at| (self.labels[at], self.skin[at]));
+        let (labels, skin) = (0..shape.len()).into_par_iter().map(pick).unzip();
+        let cut = |field: &OrganField| {
+            let low = [0, 1, 2].map(|axis| (field.low[axis] as i64 - first[axis]).max(0));
+            let end = [0, 1, 2].map(|axis| {
+                let end = (field.low[axis] + field.shape.dims()[axis]) as i64 - first[axis];
+                end.clamp(low[axis], shape.dims()[axis] as i64)
+            });
+            let dims = [0, 1, 2].map(|axis| (end[axis] - low[axis]) as usize);
+            let part = GridShape::new(dims[0], dims[1], dims[2]);
+            let value = |point: usize| {
+                let ijk = part.ijk(point);
+                field.value([0, 1, 2].map(|axis| (ijk[axis] as i64 + low[axis] + first[axis]) as usize))
+            };
+            let values = (0..part.len()).into_par_iter().map(value).collect();
+            OrganField { low: low.map(|i| i as usize), shape: part, values }
+        };
+        Self { shape, labels, skin, fields: self.fields.iter().map(cut).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(values: &[f32]) -> OrganField {
+        OrganField { low: [0; 3], shape: GridShape::new(values.len(), 1, 1), values: values.to_vec() }
+    }
+
+    #[test]
+    fn the_largest_field_has_a_point_and_equal_fields_make_a_wall() {
+        let shape = GridShape::new(4, 1, 1);
+        let fields = vec![row(&[1.0, 0.5, -0.1, -1.0]), row(&[-1.0, -0.3, 0.1, -0.9])];
+        let partition = Partition::new(shape, fields, |_| false);
+        assert_eq!(partition.labels(), [0, 0, 1, OUTSIDE]);
+        assert!((partition.wall(1, 2) - 0.8).abs() < 1e-6, "leads of 0.8 and 0.2");
+        assert!((partition.wall(2, 1) - 0.2).abs() < 1e-6);
+        assert!((partition.skin()[1] - 0.5_f32.max(0.2)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn no_air_between_organs_that_fill_all_there_is() {
+        let shape = GridShape::new(3, 1, 1);
+        let fields = || vec![row(&[0.9, -0.02, -1.0]), row(&[-1.0, -0.03, 0.9])];
+        assert_eq!(Partition::new(shape, fields(), |_| false).labels(), [0, OUTSIDE, 1]);
+        assert_eq!(Partition::new(shape, fields(), |_| true).labels(), [0, 0, 1]);
+    }
+
+    #[test]
+    fn a_part_has_the_values_of_the_whole() {
+        let shape = GridShape::new(5, 1, 1);
+        let whole = Partition::new(
+            shape,
+            vec![
+                row(&[-0.5, 0.5, 0.3, -0.5, -1.0]),
+                OrganField { low: [2, 0, 0], shape: GridShape::new(3, 1, 1), values: vec![-0.2, 0.4, 0.2] },
+            ],
+            |_| false,
+        );
+        assert_eq!(whole.labels(), [OUTSIDE, 0, 0, 1, 1]);
+        let part = whole.part([-1, 0, 0], GridShape::new(6, 1, 1));
+        assert_eq!(part.labels(), [OUTSIDE, OUTSIDE, 0, 0, 1, 1]);
+        assert_eq!(part.wall(3, 4), whole.wall(2, 3));
+        let part = whole.part([1, 0, 0], GridShape::new(3, 1, 1));
+        assert_eq!(part.labels(), [0, 0, 1]);
+        assert_eq!(part.wall(1, 2), whole.wall(2, 3));
+    }
+}
