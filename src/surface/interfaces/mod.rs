@@ -98,7 +98,6 @@ pub struct MultiSurface {
     sheets: Vec<Sheet>,
     /// Vertices at which an organ may touch itself, ascending.
     cones: Vec<u32>,
-    organs: usize,
 }
 
 impl MultiSurface {
@@ -111,7 +110,7 @@ impl MultiSurface {
         add_gradients(&mut drawn.embedding, lattice, topology.alive());
         let embedding = std::mem::take(&mut drawn.embedding);
         let sheets = embedding.vertices.iter().map(|vertex| vertex.sheet).collect();
-        Ok(Self::of(drawn, Motion::Lattice(embedding), sheets, partition.organs()))
+        Ok(Self::of(drawn, Motion::Lattice(embedding), sheets))
     }
 
     /// Draws organs on a grid of their own, as blades have left them, and binds their borders to the lattice.
@@ -137,12 +136,12 @@ impl MultiSurface {
             Ok((drawn, rest, anchors))
         })?;
         let sheets = drawn.embedding.vertices.iter().map(|vertex| vertex.sheet).collect();
-        Ok(Self::of(drawn, Motion::Fine(bound), sheets, body.partition.organs()))
+        Ok(Self::of(drawn, Motion::Fine(bound), sheets))
     }
 
-    fn of(drawn: Drawn, motion: Motion, sheets: Vec<Sheet>, organs: usize) -> Self {
+    fn of(drawn: Drawn, motion: Motion, sheets: Vec<Sheet>) -> Self {
         let Drawn { knots, triangles, sides, cones, .. } = drawn;
-        Self { motion, knots, triangles, sides, sheets, cones, organs }
+        Self { motion, knots, triangles, sides, sheets, cones }
     }
 
     /// Number of vertices.
