@@ -155,11 +155,8 @@ impl Seam {
         values: &[f32],
     ) -> Self {
         let Gaps { edges, cells } = Gaps::find(lattice, topology, blades, bits, values, None);
-        let drawn = |state: CellState| SeamCell {
-            low: state.low,
-            patch: state.cell.patch(),
-            seam_edges: state.seam_edges,
-        };
+        let drawn =
+            |state: CellState| SeamCell { low: state.low, patch: state.cell.patch(), seam_edges: state.seam_edges };
         Self { edges, cells: cells.into_par_iter().map(drawn).collect() }
     }
 
@@ -317,7 +314,8 @@ impl Tissue<'_> {
             face.alive |= u8::from(self.linked(corners[m], corners[(m + 1) % 4])) << m;
         }
         for m in 0..2 {
-            let joined = self.linked(corners[m], corners[m + 2]) && self.label(corners[m].0) == self.label(corners[m + 2].0);
+            let joined =
+                self.linked(corners[m], corners[m + 2]) && self.label(corners[m].0) == self.label(corners[m + 2].0);
             face.diagonals |= u8::from(joined) << m;
         }
         (face, corners.map(|corner| corner.1))

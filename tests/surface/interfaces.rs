@@ -132,9 +132,7 @@ fn random_case(trial: u64) -> Seen {
     let regions = random.unit() < 0.5;
     for particle in 0..lattice.len() as u32 {
         let place = Vector3::from(lattice.ijk(particle).map(|i| i as f64));
-        let nearest = |one: &usize, two: &usize| {
-            (seeds[*one] - place).norm().total_cmp(&(seeds[*two] - place).norm())
-        };
+        let nearest = |one: &usize, two: &usize| (seeds[*one] - place).norm().total_cmp(&(seeds[*two] - place).norm());
         lattice.organ[particle as usize] = match regions {
             true => (0..seeds.len()).min_by(nearest).unwrap() as u8,
             false => random.below(organs.into()) as u8,

@@ -260,7 +260,8 @@ impl Scene<'_> {
         for edge in &self.gaps.edges {
             first.push(first[first.len() - 1] + edge.vertex_count());
         }
-        let mut scratch = Embedding { vertices: vec![Vertex::default(); first[first.len() - 1]], ..Embedding::default() };
+        let mut scratch =
+            Embedding { vertices: vec![Vertex::default(); first[first.len() - 1]], ..Embedding::default() };
         for (edge, &at) in self.gaps.edges.iter().zip(&first) {
             crossings.add_seam_edge(edge, at, &mut scratch);
         }

@@ -127,7 +127,9 @@ impl Face {
                 _ => 2,
             }
         };
-        pairs.filter(|&(one, two)| arcs[one].label == arcs[two].label).min_by_key(|pair| (rank(pair), arcs[pair.0].label))
+        pairs
+            .filter(|&(one, two)| arcs[one].label == arcs[two].label)
+            .min_by_key(|pair| (rank(pair), arcs[pair.0].label))
     }
 
     /// The extra vertex of a contour, if it has one.

@@ -49,8 +49,7 @@ impl MultiMesh<'_> {
         for (triangle, &beyond) in triangles.iter().zip(&beyond) {
             for &corner in triangle {
                 let corner = corner as usize;
-                bits[corner] |=
-                    if beyond == OUTSIDE { self.surface.sheets[corner] as u8 } else { Sheet::Seam as u8 };
+                bits[corner] |= if beyond == OUTSIDE { self.surface.sheets[corner] as u8 } else { Sheet::Seam as u8 };
             }
         }
         let (mut vertices, mut of) = compacted(self.positions.len(), &mut triangles);

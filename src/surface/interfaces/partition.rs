@@ -89,6 +89,20 @@ impl Partition {
         Self { shape, labels, skin, fields }
     }
 
+    /// What of it lies within a region, which ends in a skin of its own.
+    ///
+    /// - `depth`: of a point in the region, in steps of the grid; not above zero outside it.
+    pub fn within(mut self, depth: impl Fn(usize) -> f32 + Sync) -> Self {
+        self.labels.par_iter_mut().zip(&mut self.skin).enumerate().for_each(|(point, (label, skin))| {
+            let depth = depth(point);
+            *skin = skin.min(depth);
+            if depth <= 0.0 {
+                *label = OUTSIDE;
+            }
+        });
+        self
+    }
+
     /// Divides the grid of a lattice by fields on all of it, one per organ, see [`crate::surface::field`].
     ///
     /// # Panics
