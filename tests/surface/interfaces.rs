@@ -170,12 +170,136 @@ fn random_case(trial: u64) -> Seen {
     shared(&lattice, &topology, &partition, &format!("trial {trial}"))
 }
 
+/// `YAWARA_TRIALS` sets how many lattices are tried.
 #[test]
 fn random_organs_and_cuts_share_closed_walls() {
-    // Ten thousand in release: cargo test --release --test surface -- random_organs
-    let trials = if cfg!(debug_assertions) { 600 } else { 10_000 };
+    let trials: u64 = std::env::var("YAWARA_TRIALS").map_or(10_000, |n| n.parse().expect("a number of lattices"));
     let seen = (0..trials).into_par_iter().map(random_case).reduce(Seen::default, |one, two| one + two);
     eprintln!("{trials} lattices: {seen:?}");
     assert!(seen.triangles > 300 * trials as usize && seen.lines > 50 * trials as usize, "{seen:?}");
     assert!(seen.severed > 10 * trials as usize, "{seen:?}");
+}
+
+/// A block of two organs that meet in a plane across x, in a layer of nothing.
+fn halves() -> Lattice {
+    let mut lattice = lattice(14, 11, 10, |ijk| ijk.iter().zip([14, 11, 10]).all(|(&i, n)| i > 0 && i + 1 < n));
+    for particle in 0..lattice.len() as u32 {
+        lattice.organ[particle as usize] = u8::from(lattice.ijk(particle)[0] > 6);
+    }
+    lattice
+}
+
+fn smoothed(lattice: &Lattice, organs: u8) -> Partition {
+    Partition::of_lattice(lattice, (0..organs).map(|organ| field::smoothed(lattice, organ, 2)).collect())
+}
+
+#[test]
+fn a_wall_is_shared_and_leaves_no_groove_in_the_skin() {
+    let lattice = halves();
+    let surface = MultiSurface::extract(&lattice, &Topology::new(&lattice), &smoothed(&lattice, 2)).unwrap();
+    let mesh = surface.at_rest(&lattice);
+    assert_sound(&surface, &mesh, "halves");
+    let interfaces = mesh.interfaces();
+    let pairs: Vec<_> = interfaces.iter().map(|one| (one.inside, one.outside)).collect();
+    assert_eq!(pairs, [(0, 1), (0, OUTSIDE), (1, OUTSIDE)]);
+    let wall: BTreeSet<_> = interfaces[0].mesh.positions.iter().map(|place| place.map(f32::to_bits)).collect();
+    for organ in [0, 1] {
+        let own: BTreeSet<_> = mesh.organ_mesh(organ).positions.iter().map(|place| place.map(f32::to_bits)).collect();
+        assert!(wall.is_subset(&own), "every vertex of the wall is the organ's, bit for bit");
+    }
+    assert!(interfaces[0].mesh.positions.iter().all(|place| (place[0] - 6.5).abs() < 0.05), "the wall is a plane");
+    // The skin over the wall, clear of the block's edges, lies as high as elsewhere.
+    let top = mesh.positions.iter().filter(|p| p[2] > 6.0 && (4.0..10.0).contains(&p[0]) && (4.0..7.0).contains(&p[1]));
+    let heights: Vec<f32> = top.map(|place| place[2]).filter(|z| *z > 8.0).collect();
+    let (low, high) = heights.iter().fold((f32::MAX, f32::MIN), |(low, high), &z| (low.min(z), high.max(z)));
+    assert!(heights.len() > 30 && high - low < 0.01, "{low} to {high}");
+    // Skins shade as one: on both sides of the line where the wall ends, normals point straight up.
+    for interface in &interfaces[1..] {
+        let up =
+            interface.mesh.positions.iter().zip(&interface.mesh.normals).filter(|(place, _)| {
+                place[2] > 8.0 && (5.0..8.0).contains(&place[0]) && (4.0..7.0).contains(&place[1])
+            });
+        assert!(up.clone().count() > 5);
+        up.for_each(|(place, normal)| assert!(normal[2] > 0.999, "{place:?}: {normal:?}"));
+    }
+}
+
+#[test]
+fn a_cut_along_a_wall_parts_its_organs_and_ends_where_it_ends() {
+    let lattice = halves();
+    let partition = smoothed(&lattice, 2);
+    let cut = |stop: f64| {
+        let mut topology = Topology::new(&lattice);
+        cut_plane(&lattice, &mut topology, Vector3::new(6.4, 0.0, 0.0), Vector3::x(), |place| place.z < stop);
+        let surface = MultiSurface::extract(&lattice, &topology, &partition).unwrap();
+        let mesh = surface.at_rest(&lattice);
+        assert_sound(&surface, &mesh, &format!("cut to {stop}"));
+        let area = |one: &yawara::surface::interfaces::Interface| check(&one.mesh).area_mm2;
+        mesh.interfaces().iter().map(|one| ((one.inside, one.outside), area(one))).collect::<BTreeMap<_, _>>()
+    };
+    let (whole, half, apart) = (cut(-1.0), cut(4.6), cut(20.0));
+    let lost = whole[&(0, 1)] - half[&(0, 1)];
+    assert!((lost / whole[&(0, 1)] - 0.5).abs() < 0.08, "half of the wall is gone: {lost} of {}", whole[&(0, 1)]);
+    for organ in [0, 1] {
+        let gained = half[&(organ, OUTSIDE)] - whole[&(organ, OUTSIDE)];
+        assert!((gained / lost - 1.0).abs() < 0.1, "each organ has it as a lip: {gained} of {lost}");
+    }
+    assert!(!apart.contains_key(&(0, 1)), "nothing is shared any more");
+}
+
+#[test]
+fn a_cut_across_a_wall_parts_every_organ() {
+    let lattice = halves();
+    let partition = smoothed(&lattice, 2);
+    for normal in [Vector3::y(), Vector3::new(0.3, 1.0, 0.2), Vector3::new(-0.8, 1.0, 0.1)] {
+        let mut topology = Topology::new(&lattice);
+        cut_plane(&lattice, &mut topology, Vector3::new(6.5, 5.2, 4.7), normal, |_| true);
+        let surface = MultiSurface::extract(&lattice, &topology, &partition).unwrap();
+        let mesh = surface.at_rest(&lattice);
+        assert_sound(&surface, &mesh, &format!("{normal:?}"));
+        for organ in [0, 1] {
+            assert_eq!(check(&mesh.organ_mesh(organ)).components.len(), 2, "{normal:?}");
+        }
+    }
+}
+
+#[test]
+fn three_organs_meet_in_a_line() {
+    let mut lattice = lattice(12, 12, 9, |_| true);
+    for particle in 0..lattice.len() as u32 {
+        let [i, j, _] = lattice.ijk(particle).map(|n| n as f64 - 5.4);
+        let third = (j.atan2(i) / std::f64::consts::TAU + 0.5) * 3.0;
+        lattice.organ[particle as usize] = (third as u8).min(2);
+    }
+    let seen = shared(&lattice, &Topology::new(&lattice), &smoothed(&lattice, 3), "thirds");
+    assert_eq!(seen.touching, 0, "no organ touches itself");
+    let mut cut = Topology::new(&lattice);
+    cut_plane(&lattice, &mut cut, Vector3::new(0.0, 0.0, 4.3), Vector3::new(0.1, 0.05, 1.0), |place| place.x < 8.0);
+    shared(&lattice, &cut, &smoothed(&lattice, 3), "thirds, cut across their line");
+}
+
+/// Everything a surface has, knots and lips included, follows a homogeneous deformation.
+#[test]
+fn borders_follow_the_tissue() {
+    let lattice = halves();
+    let mut topology = Topology::new(&lattice);
+    cut_plane(&lattice, &mut topology, Vector3::new(6.4, 0.0, 0.0), Vector3::new(1.0, 0.1, 0.0), |place| place.z < 4.6);
+    cut_plane(&lattice, &mut topology, Vector3::new(0.0, 5.3, 0.0), Vector3::y(), |place| place.x < 9.0);
+    let surface = MultiSurface::extract(&lattice, &topology, &smoothed(&lattice, 2)).unwrap();
+    let rest = surface.at_rest(&lattice);
+    let stretch = [[1.1, 0.05, 0.0], [-0.1, 0.95, 0.1], [0.0, 0.08, 1.2]];
+    let to = |place: [f64; 3]| stretch.map(|row: [f64; 3]| (0..3).map(|axis| row[axis] * place[axis]).sum::<f64>());
+    let displacements: Vec<[f32; 3]> = (0..lattice.len() as u32)
+        .map(|particle| {
+            let place: [f64; 3] = lattice.rest_place(particle).into();
+            let moved = to(place);
+            [0, 1, 2].map(|axis| (moved[axis] - place[axis]) as f32)
+        })
+        .collect();
+    let moved = surface.carry(&lattice, &displacements);
+    assert_sound(&surface, &moved, "deformed");
+    for (place, moved) in rest.positions.iter().zip(&moved.positions) {
+        let expected = to(place.map(f64::from));
+        assert!((0..3).all(|axis| (f64::from(moved[axis]) - expected[axis]).abs() < 1e-4), "{moved:?}, {expected:?}");
+    }
 }

@@ -10,6 +10,15 @@ use crate::surface::marching_cubes::sweep::CLEARANCE;
 /// The skin keeps this far from zero at points that organs only fill together.
 const LEAST: f32 = 1e-3;
 
+/// Fields are shares up to a constant (which keeps the volume of an organ) and noise: what is less than the first of these counts for
+/// nothing, what is more than the second in full.
+const SHARE: [f32; 2] = [0.1, 0.5];
+
+/// How much of an organ there is where its field is so far above its lowest.
+fn share(above: f32) -> f32 {
+    if above >= SHARE[1] { above } else { ((above - SHARE[0]) * SHARE[1] / (SHARE[1] - SHARE[0])).max(0.0) }
+}
+
 /// The field of one organ on a part of a grid: from -1 (none of it) to +1 (nothing else), above zero inside.
 #[derive(Debug, Clone)]
 pub struct OrganField {
@@ -56,21 +65,23 @@ impl Partition {
     pub fn new(shape: GridShape, fields: Vec<OrganField>, full: impl Fn(usize) -> bool + Sync) -> Self {
         assert!(fields.len() <= usize::from(OUTSIDE), "organs are numbered by a byte");
         let mut best = vec![(-1.0_f32, OUTSIDE); shape.len()];
-        // Of fields that are shares between -1 and 1: that of all organs together.
-        let mut together = vec![-1.0_f32; shape.len()];
+        let mut shares = vec![0.0_f32; shape.len()];
+        let mut lowest = Vec::with_capacity(fields.len());
         let layer = shape.nx * shape.ny;
         for (organ, field) in fields.iter().enumerate() {
             let OrganField { low, shape: part, values } = field;
             assert_eq!(values.len(), part.len(), "one value per point");
             assert!((0..3).all(|axis| low[axis] + part.dims()[axis] <= shape.dims()[axis]), "a part of the grid");
-            let layers = best.par_chunks_mut(layer.max(1)).zip(together.par_chunks_mut(layer.max(1)));
-            layers.enumerate().skip(low[2]).take(part.nz).for_each(|(k, (best, together))| {
+            let least = values.par_iter().copied().map(held).reduce(|| 1.0, f32::min);
+            lowest.push(least);
+            let layers = best.par_chunks_mut(layer.max(1)).zip(shares.par_chunks_mut(layer.max(1)));
+            layers.enumerate().skip(low[2]).take(part.nz).for_each(|(k, (best, shares))| {
                 for j in 0..part.ny {
                     let from = part.linear([0, j, k - low[2]]);
                     let to = (low[1] + j) * shape.nx + low[0];
                     for (i, &value) in values[from..from + part.nx].iter().enumerate() {
                         let value = held(value);
-                        together[to + i] += value + 1.0;
+                        shares[to + i] += share(value - least);
                         if value > best[to + i].0 {
                             best[to + i] = (value, organ as u8);
                         }
@@ -81,7 +92,10 @@ impl Partition {
         let (labels, skin) = (0..shape.len())
             .into_par_iter()
             .map(|point| {
-                let ((value, organ), together) = (best[point], together[point]);
+                let (value, organ) = best[point];
+                // The leading field, and what the others have there.
+                let others = lowest.get(usize::from(organ)).map_or(0.0, |least| shares[point] - share(value - least));
+                let together = value + others.max(0.0);
                 let inside = value > 0.0 || (together > 0.0 && organ != OUTSIDE && full(point));
                 if inside { (organ, together.max(value).max(LEAST)) } else { (OUTSIDE, together.min(value)) }
             })
@@ -194,7 +208,7 @@ mod tests {
         assert_eq!(partition.labels(), [0, 0, 1, OUTSIDE]);
         assert!((partition.wall(1, 2) - 0.8).abs() < 1e-6, "leads of 0.8 and 0.2");
         assert!((partition.wall(2, 1) - 0.2).abs() < 1e-6);
-        assert!((partition.skin()[1] - 0.5_f32.max(0.2)).abs() < 1e-6);
+        assert!((partition.skin()[1] - 1.2).abs() < 1e-6, "0.5 of the one, and 0.7 above its lowest of the other");
     }
 
     #[test]
