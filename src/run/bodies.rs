@@ -166,17 +166,24 @@ impl Bodies {
             let nearest = [0, 1, 2].map(|axis| (index[axis].round() as usize).min(voxels.shape().dims()[axis] - 1));
             voxels.as_slice()[voxels.shape().linear(nearest)] != 0
         };
-        // Steps from the border of the volume inward: organs that it cuts off are closed there in a plane.
-        let depth = |point: usize| {
-            let index = index(point);
-            let axes = (0..3).map(|axis| {
-                let (step, first) = (at[axis].get(1).map_or(1.0, |next| next - at[axis][0]), all.min[axis] as f64);
-                let from_low = index[axis] + first - MARGIN as f64 + 0.5;
-                from_low.min(self.organs.shape().dims()[axis] as f64 - from_low) / step
-            });
-            axes.fold(f64::INFINITY, f64::min) as f32
-        };
-        let partition = Partition::new(grid.shape, fields, full).within(depth);
+        // Organs that the volume cuts off are closed in a plane half a voxel beyond its outermost centres.
+        let (within, beyond): (Vec<_>, Vec<_>) = (0..3)
+            .map(|axis| {
+                // From the plane at the low end.
+                let from = |&index: &f64| index + all.min[axis] as f64 - MARGIN as f64 + 0.5;
+                let (at, end) = (&at[axis], self.organs.shape().dims()[axis] as f64);
+                let first = at.partition_point(|index| from(index) <= 0.0);
+                let last = at.partition_point(|index| from(index) < end);
+                let step = at.get(1).map_or(1.0, |next| next - at[0]);
+                let farther = |near: f64| if near > 0.0 { ((step - near) / near).max(0.0) as f32 } else { 1.0 };
+                let low = at.get(first).map_or(1.0, |index| farther(from(index)));
+                let high = last.checked_sub(1).map_or(1.0, |last| farther(end - from(&at[last])));
+                (first..last, [low, high])
+            })
+            .unzip();
+        let ends = |list: Vec<std::ops::Range<usize>>| [0, 1, 2].map(|axis| list[axis].clone());
+        let partition = Partition::new(grid.shape, fields, full);
+        let partition = partition.ended(ends(within), [beyond[0], beyond[1], beyond[2]]);
         MultiBody::new(grid, &partition).map_err(|source| nothing(0, source))
     }
 

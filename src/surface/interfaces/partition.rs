@@ -1,5 +1,7 @@
 //! Which organ each grid point belongs to, and where between two points the borders lie.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::face::OUTSIDE;
@@ -10,23 +12,36 @@ use crate::surface::marching_cubes::sweep::CLEARANCE;
 /// The skin keeps this far from zero at points that organs only fill together.
 const LEAST: f32 = 1e-3;
 
-/// Fields are shares up to a constant (which keeps the volume of an organ) and noise: what is less than the first of these counts for
-/// nothing, what is more than the second in full.
+/// What an organ has of a point, by how far its field lies above that of none of it: less than the first counts as noise, more than the
+/// second in full.
 const SHARE: [f32; 2] = [0.1, 0.5];
 
-/// How much of an organ there is where its field is so far above its lowest.
+/// Fields below this are those of none of the organ; they are not all -1, since a constant keeps the volume of each organ.
+const NONE: f32 = -0.75;
+
+/// How much of an organ there is where its field is so far above that of none of it.
 fn share(above: f32) -> f32 {
     if above >= SHARE[1] { above } else { ((above - SHARE[0]) * SHARE[1] / (SHARE[1] - SHARE[0])).max(0.0) }
 }
 
-/// The field of one organ on a part of a grid: from -1 (none of it) to +1 (nothing else), above zero inside.
+/// The field where there is none of an organ: the median of all that is near it.
+fn none_of(values: &[f32]) -> f32 {
+    let mut low: Vec<f32> = values.par_iter().copied().map(held).filter(|&value| value < NONE).collect();
+    if low.is_empty() {
+        return -1.0;
+    }
+    let middle = low.len() / 2;
+    *low.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+/// The field of one organ on a part of a grid: from about -1 (none of it) to +1 (nothing else), above zero inside.
 #[derive(Debug, Clone)]
 pub struct OrganField {
     /// First grid point of the part.
     pub low: [usize; 3],
     /// Points of the part along each axis.
     pub shape: GridShape,
-    /// Values, x fastest; held within -1 and 1, NaN is -1. Beyond the part the field is -1.
+    /// Values, x fastest; held within -2 and 2, NaN is -1. Beyond the part the field is -1.
     pub values: Vec<f32>,
 }
 
@@ -39,7 +54,7 @@ impl OrganField {
 }
 
 fn held(value: f32) -> f32 {
-    if value.is_nan() { -1.0 } else { value.clamp(-1.0, 1.0) }
+    if value.is_nan() { -1.0 } else { value.clamp(-2.0, 2.0) }
 }
 
 /// A grid divided among organs: every point is the organ's whose field is largest there, or [`OUTSIDE`].
@@ -64,16 +79,16 @@ impl Partition {
     /// If there are more than 255 fields, a field has not one value per point of its part, or its part leaves the grid.
     pub fn new(shape: GridShape, fields: Vec<OrganField>, full: impl Fn(usize) -> bool + Sync) -> Self {
         assert!(fields.len() <= usize::from(OUTSIDE), "organs are numbered by a byte");
-        let mut best = vec![(-1.0_f32, OUTSIDE); shape.len()];
+        let mut best = vec![(-2.0_f32, OUTSIDE); shape.len()];
         let mut shares = vec![0.0_f32; shape.len()];
-        let mut lowest = Vec::with_capacity(fields.len());
+        let mut none = Vec::with_capacity(fields.len());
         let layer = shape.nx * shape.ny;
         for (organ, field) in fields.iter().enumerate() {
             let OrganField { low, shape: part, values } = field;
             assert_eq!(values.len(), part.len(), "one value per point");
             assert!((0..3).all(|axis| low[axis] + part.dims()[axis] <= shape.dims()[axis]), "a part of the grid");
-            let least = values.par_iter().copied().map(held).reduce(|| 1.0, f32::min);
-            lowest.push(least);
+            let nothing = none_of(values);
+            none.push(nothing);
             let layers = best.par_chunks_mut(layer.max(1)).zip(shares.par_chunks_mut(layer.max(1)));
             layers.enumerate().skip(low[2]).take(part.nz).for_each(|(k, (best, shares))| {
                 for j in 0..part.ny {
@@ -81,7 +96,7 @@ impl Partition {
                     let to = (low[1] + j) * shape.nx + low[0];
                     for (i, &value) in values[from..from + part.nx].iter().enumerate() {
                         let value = held(value);
-                        shares[to + i] += share(value - least);
+                        shares[to + i] += share(value - nothing);
                         if value > best[to + i].0 {
                             best[to + i] = (value, organ as u8);
                         }
@@ -94,7 +109,7 @@ impl Partition {
             .map(|point| {
                 let (value, organ) = best[point];
                 // The leading field, and what the others have there.
-                let others = lowest.get(usize::from(organ)).map_or(0.0, |least| shares[point] - share(value - least));
+                let others = none.get(usize::from(organ)).map_or(0.0, |nothing| shares[point] - share(value - nothing));
                 let together = value + others.max(0.0);
                 let inside = value > 0.0 || (together > 0.0 && organ != OUTSIDE && full(point));
                 if inside { (organ, together.max(value).max(LEAST)) } else { (OUTSIDE, together.min(value)) }
@@ -103,16 +118,30 @@ impl Partition {
         Self { shape, labels, skin, fields }
     }
 
-    /// What of it lies within a region, which ends in a skin of its own.
+    /// The same, ended by planes across the axes: what of it lies beyond is outside.
     ///
-    /// - `depth`: of a point in the region, in steps of the grid; not above zero outside it.
-    pub fn within(mut self, depth: impl Fn(usize) -> f32 + Sync) -> Self {
-        self.labels.par_iter_mut().zip(&mut self.skin).enumerate().for_each(|(point, (label, skin))| {
-            let depth = depth(point);
-            *skin = skin.min(depth);
-            if depth <= 0.0 {
-                *label = OUTSIDE;
-            }
+    /// - `within`: points along each axis on the inner side of both planes.
+    /// - `beyond`: for each axis how much farther the first point beyond is from the plane than the last one within, at either end.
+    pub fn ended(mut self, within: [Range<usize>; 3], beyond: [[f32; 2]; 3]) -> Self {
+        let shape = self.shape;
+        let inner = |point: usize| {
+            let ijk = shape.ijk(point);
+            let mut ratio = None;
+            let nearest = [0, 1, 2].map(|axis| {
+                let Range { start, end } = within[axis];
+                let held = ijk[axis].clamp(start, end.max(start + 1) - 1);
+                if held != ijk[axis] {
+                    ratio = Some(beyond[axis][usize::from(ijk[axis] > held)]);
+                }
+                held
+            });
+            ratio.map(|ratio| (shape.linear(nearest), ratio))
+        };
+        let whole = std::mem::take(&mut self.skin);
+        let ended = |point: usize| inner(point).map_or(whole[point], |(near, ratio)| -(whole[near].abs() * ratio));
+        self.skin = (0..whole.len()).into_par_iter().map(ended).collect();
+        self.labels.par_iter_mut().enumerate().filter(|(point, _)| inner(*point).is_some()).for_each(|(_, label)| {
+            *label = OUTSIDE;
         });
         self
     }
@@ -208,7 +237,7 @@ mod tests {
         assert_eq!(partition.labels(), [0, 0, 1, OUTSIDE]);
         assert!((partition.wall(1, 2) - 0.8).abs() < 1e-6, "leads of 0.8 and 0.2");
         assert!((partition.wall(2, 1) - 0.2).abs() < 1e-6);
-        assert!((partition.skin()[1] - 1.2).abs() < 1e-6, "0.5 of the one, and 0.7 above its lowest of the other");
+        assert!((partition.skin()[1] - 1.2).abs() < 1e-6, "0.5 of the one, and 0.7 of the other");
     }
 
     #[test]
@@ -217,6 +246,17 @@ mod tests {
         let fields = || vec![row(&[0.9, -0.02, -1.0]), row(&[-1.0, -0.03, 0.9])];
         assert_eq!(Partition::new(shape, fields(), |_| false).labels(), [0, OUTSIDE, 1]);
         assert_eq!(Partition::new(shape, fields(), |_| true).labels(), [0, 0, 1]);
+    }
+
+    #[test]
+    fn an_organ_that_goes_on_is_ended_in_a_plane() {
+        let shape = GridShape::new(4, 1, 1);
+        let partition = Partition::new(shape, vec![row(&[0.2, 0.9, 0.8, 0.7])], |_| false);
+        let ended = partition.ended([1..3, 0..1, 0..1], [[3.0, 1.0], [1.0; 2], [1.0; 2]]);
+        assert_eq!(ended.labels(), [OUTSIDE, 0, 0, OUTSIDE]);
+        let skin = ended.skin();
+        assert!((skin[1] / (skin[1] - skin[0]) - 0.25).abs() < 1e-6, "a quarter of the way out: {skin:?}");
+        assert!((skin[2] / (skin[2] - skin[3]) - 0.5).abs() < 1e-6, "{skin:?}");
     }
 
     #[test]
