@@ -237,7 +237,7 @@ mod tests {
         assert_eq!(partition.labels(), [0, 0, 1, OUTSIDE]);
         assert!((partition.wall(1, 2) - 0.8).abs() < 1e-6, "leads of 0.8 and 0.2");
         assert!((partition.wall(2, 1) - 0.2).abs() < 1e-6);
-        assert!((partition.skin()[1] - 1.2).abs() < 1e-6, "0.5 of the one, and 0.7 of the other");
+        assert!((partition.skin()[1] - 1.1).abs() < 1e-6, "0.5 of the one, and 0.6 of the other");
     }
 
     #[test]
