@@ -14,6 +14,7 @@ use super::surface::mesher;
 use crate::io::gltf::{MorphAnimationWriter, Precision, StepAnimationWriter, quantization_error_mm, write_gltf};
 use crate::io::mesh_format::{FramePattern, MeshFormat, MeshOutput};
 use crate::io::vtk::{self, LatticeState};
+use crate::run::interfaces::SharedRegions;
 use crate::run::meshes::{RunMesher, scene_of};
 use crate::run::paint::Painter;
 use crate::store::RunReader;
@@ -185,26 +186,26 @@ pub(super) fn write(
     let last = mesher.reader().frames().saturating_sub(1);
     // How far quantised vertices lie from their place [mm].
     let mut error = 0.0_f64;
-    let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>)> {
+    let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>, Option<SharedRegions>)> {
         let (time, meshes) = frame(mesher, painter, number)?;
         if style.precision == Precision::Quantized {
             error = error.max(quantization_error_mm(&meshes));
         }
         bar.inc(1);
-        Ok((time, meshes))
+        Ok((time, meshes, mesher.regions()))
     };
     let written = match output {
         MeshOutput::File(path) => {
-            let (time, meshes) = next(frames[0])?;
-            write_one(style, path, time, &meshes)?;
+            let (time, meshes, regions) = next(frames[0])?;
+            write_one(style, path, time, &meshes, regions)?;
             vec![path.clone()]
         }
         MeshOutput::Sequence(pattern) => {
             let mut written = Sequence::default();
             for &number in frames {
-                let (time, meshes) = next(number)?;
+                let (time, meshes, regions) = next(number)?;
                 let path = pattern.path(number, last);
-                write_one(style, &path, time, &meshes)?;
+                write_one(style, &path, time, &meshes, regions)?;
                 written.add(time, path);
             }
             if style.format == MeshFormat::Vtp { written.with_times(pattern)? } else { written.paths }
@@ -214,7 +215,7 @@ pub(super) fn write(
                 AnimationChoice::Step => {
                     let mut animation = StepAnimationWriter::create(path, style.precision)?;
                     for &number in frames {
-                        let (time, meshes) = next(number)?;
+                        let (time, meshes, _) = next(number)?;
                         animation.push_frame(time, &meshes)?;
                     }
                     animation.finish()?;
@@ -222,7 +223,7 @@ pub(super) fn write(
                 AnimationChoice::Morph => {
                     let mut animation = MorphAnimationWriter::create(path)?;
                     for &number in frames {
-                        let (time, meshes) = next(number)?;
+                        let (time, meshes, _) = next(number)?;
                         animation.push_frame(time, &meshes)?;
                     }
                     animation.finish()?;
@@ -240,9 +241,21 @@ pub(super) fn write(
     Ok(written)
 }
 
-fn write_one(style: Style, path: &Path, time: f64, meshes: &[OrganMesh]) -> anyhow::Result<()> {
+/// - `regions`: what lies on the two sides of each mesh, where walls are shared.
+fn write_one(
+    style: Style,
+    path: &Path,
+    time: f64,
+    meshes: &[OrganMesh],
+    regions: Option<SharedRegions>,
+) -> anyhow::Result<()> {
     match style.format {
-        MeshFormat::Vtp => vtk::write_vtp(path, meshes, Some(time))?,
+        MeshFormat::Vtp => match &regions {
+            Some(SharedRegions { names, sides }) => {
+                vtk::write_vtp_borders(path, meshes, vtk::Regions { names, sides }, Some(time))?;
+            }
+            None => vtk::write_vtp(path, meshes, Some(time))?,
+        },
         MeshFormat::Glb | MeshFormat::Gltf => write_gltf(path, meshes, style.precision)?,
         format => format.write(path, meshes)?,
     }

@@ -4,10 +4,11 @@ use std::path::Path;
 use std::str::FromStr;
 
 use anyhow::bail;
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::mesh::open;
 use super::messages::Messages;
+use crate::run::interfaces::Interfaces;
 use crate::run::meshes::{MeshCare, MeshOptions, MeshRunError, Resolution, RunMesher};
 use crate::store::RunReader;
 
@@ -30,12 +31,27 @@ pub(super) struct SurfaceArguments {
     /// Decimate each organ as far as it stays within this distance of its full surface, at rest [mm].
     #[arg(long, value_name = "MM", value_parser = length)]
     max_error: Option<f64>,
+    /// Whose the walls between organs are: `separate` closes each organ by itself; `shared` draws every wall once, one mesh for each pair
+    /// that touches (`liver|gallbladder`, `liver|outside`).
+    #[arg(long, value_enum, default_value_t = InterfaceChoice::Separate)]
+    interfaces: InterfaceChoice,
+}
+
+/// Whose the walls between organs are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum InterfaceChoice {
+    Separate,
+    Shared,
 }
 
 impl SurfaceArguments {
     pub(super) fn options(&self) -> MeshOptions {
         let care = MeshCare { tidy: self.tidy, triangles: self.triangles, max_error_mm: self.max_error };
-        MeshOptions { resolution: self.resolution, smooth: self.smooth, care }
+        let interfaces = match self.interfaces {
+            InterfaceChoice::Separate => Interfaces::Separate,
+            InterfaceChoice::Shared => Interfaces::Shared,
+        };
+        MeshOptions { resolution: self.resolution, smooth: self.smooth, care, interfaces }
     }
 }
 
@@ -49,6 +65,11 @@ pub(super) fn mesher(
     if options.resolution == Resolution::Lattice && options.care != MeshCare::default() {
         bail!(
             "--tidy, --triangles and --max-error need a surface finer than the lattice; leave out --resolution lattice"
+        );
+    }
+    if options.interfaces == Interfaces::Shared && options.care != MeshCare::default() {
+        bail!(
+            "--tidy, --triangles and --max-error would move shared walls apart; leave them out, or take --interfaces separate"
         );
     }
     match RunMesher::new(open(run, messages)?, organs, options) {

@@ -8,15 +8,19 @@ use crate::scene::resolved::{Scene, VoxelSelection};
 use crate::store::{InputFile, RunReader};
 use crate::surface::field;
 use crate::surface::fine::Body;
+use crate::surface::interfaces::{MultiBody, OrganField, Partition};
 use crate::surface::smooth::{Voxels, from_grey, from_mask};
 use crate::volume::{CtVolume, LabelVolume, ResampleError, VoxelBox, grid_with_spacing};
 
 use super::inputs::{InputError, Inputs, load_volume};
+use super::meshes::HU_CONTRAST;
 use super::organs::native_organs;
 use super::prepare::PrepareError;
 
 /// Voxels around an organ that its field is drawn with: smoothing reaches so far.
 const MARGIN: usize = 4;
+/// Where a voxel is another organ's, an organ chosen by HU has at most this share of it, below zero.
+const LEAST_SHARE: f32 = 0.03;
 
 /// Why the organs of a run cannot be taken from its volume again.
 #[derive(Debug, thiserror::Error)]
@@ -84,6 +88,107 @@ impl Bodies {
     /// # Errors
     /// If the spacing is no length or too fine, or nothing is left of the organ.
     pub fn body(&self, scene: &Scene, organ: usize, spacing: f64, smooth: f32) -> Result<Body, BodyError> {
+        let Drawn { part, organs, mut field } = self.draw(scene, organ, smooth)?;
+        if !matches!(scene.organs[organ].voxels, VoxelSelection::Hu { .. }) {
+            let number = organ as u16 + 1;
+            field.par_iter_mut().zip(organs.as_slice()).for_each(|(value, &voxel)| {
+                *value *= if voxel != number && voxel != 0 { 1.0 + field::WALL } else { 1.0 };
+            });
+        }
+        let field = closed(&field, organs.shape(), &part, self.organs.shape());
+        let grid = cubes(organs.grid(), spacing)?;
+        let values = if grid == *organs.grid() {
+            field
+        } else {
+            let field = CtVolume::from_vec(*organs.grid(), field);
+            (0..grid.shape.len()).into_par_iter().map(|point| field.sample_cubic(grid.place(point), -1.0)).collect()
+        };
+        Body::new(grid, values).map_err(|source| BodyError::Body { organ: scene.organs[organ].name.clone(), source })
+    }
+
+    /// All organs on one grid, sampled at a spacing \[mm\]: their walls lie where two fields are equal.
+    ///
+    /// # Errors
+    /// If the spacing is no length or too fine, or nothing is left of an organ.
+    pub fn together(&self, scene: &Scene, spacing: f64, smooth: f32) -> Result<MultiBody, BodyError> {
+        let all = self.organs.bounding_box(|&voxel| voxel != 0);
+        let nothing = |organ: usize, source| BodyError::Body { organ: scene.organs[organ].name.clone(), source };
+        let all: VoxelBox = all.ok_or_else(|| nothing(0, BuildLatticeError::Empty))?;
+        let voxels = self.organs.crop_repeating(&all, MARGIN);
+        let grid = cubes(voxels.grid(), spacing)?;
+        // Index among the voxels of every plane of points across each axis.
+        let at: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+            let step = |i: usize| {
+                let mut ijk = [0; 3];
+                ijk[axis] = i.min(grid.shape.dims()[axis] - 1);
+                voxels.grid().affine.index_of(grid.place(grid.shape.linear(ijk)))[axis]
+            };
+            (0..grid.shape.dims()[axis]).map(step).collect()
+        });
+        let fields = (0..scene.organs.len()).map(|organ| {
+            let Drawn { part, organs, mut field } = self.draw(scene, organ, smooth)?;
+            let number = organ as u16 + 1;
+            if matches!(scene.organs[organ].voxels, VoxelSelection::Hu { .. }) {
+                field.par_iter_mut().zip(organs.as_slice()).for_each(|(value, &voxel)| {
+                    let share = *value / HU_CONTRAST;
+                    *value = if voxel != number && voxel != 0 { share.min(-LEAST_SHARE) } else { share };
+                });
+            }
+            let low = [0, 1, 2].map(|axis| part.min[axis] - all.min[axis]);
+            if grid == *voxels.grid() {
+                return Ok(OrganField { low, shape: organs.shape(), values: field });
+            }
+            // The points that have voxels of the part all round.
+            let range = |axis: usize| {
+                let (from, to) = (low[axis] as f64, (low[axis] + organs.shape().dims()[axis] - 1) as f64);
+                let first = at[axis].partition_point(|&index| index < from);
+                (first, at[axis].partition_point(|&index| index <= to).max(first))
+            };
+            let ranges = [range(0), range(1), range(2)];
+            let low = ranges.map(|range| range.0);
+            let [nx, ny, nz] = ranges.map(|range| range.1 - range.0);
+            let shape = GridShape::new(nx, ny, nz);
+            let volume = CtVolume::from_vec(*organs.grid(), field);
+            let value = |point: usize| {
+                let ijk = shape.ijk(point);
+                let point = grid.shape.linear([0, 1, 2].map(|axis| ijk[axis] + low[axis]));
+                volume.sample_cubic(grid.place(point), -1.0)
+            };
+            Ok(OrganField { low, shape, values: (0..shape.len()).into_par_iter().map(value).collect() })
+        });
+        let fields = fields.collect::<Result<Vec<_>, BodyError>>()?;
+        let index = |point: usize| {
+            let ijk = grid.shape.ijk(point);
+            [0, 1, 2].map(|axis| at[axis][ijk[axis]])
+        };
+        let full = |point: usize| {
+            let index = index(point);
+            let nearest = [0, 1, 2].map(|axis| (index[axis].round() as usize).min(voxels.shape().dims()[axis] - 1));
+            voxels.as_slice()[voxels.shape().linear(nearest)] != 0
+        };
+        // Organs that the volume cuts off are closed in a plane half a voxel beyond its outermost centres.
+        let (within, beyond): (Vec<_>, Vec<_>) = (0..3)
+            .map(|axis| {
+                // From the plane at the low end.
+                let from = |&index: &f64| index + all.min[axis] as f64 - MARGIN as f64 + 0.5;
+                let (at, end) = (&at[axis], self.organs.shape().dims()[axis] as f64);
+                let first = at.partition_point(|index| from(index) <= 0.0);
+                let last = at.partition_point(|index| from(index) < end);
+                let step = at.get(1).map_or(1.0, |next| next - at[0]);
+                let farther = |near: f64| if near > 0.0 { ((step - near) / near).max(0.0) as f32 } else { 1.0 };
+                let low = at.get(first).map_or(1.0, |index| farther(from(index)));
+                let high = last.checked_sub(1).map_or(1.0, |last| farther(end - from(&at[last])));
+                (first..last, [low, high])
+            })
+            .unzip();
+        let ends = |list: Vec<std::ops::Range<usize>>| [0, 1, 2].map(|axis| list[axis].clone());
+        let partition = Partition::new(grid.shape, fields, full);
+        let partition = partition.ended(ends(within), [beyond[0], beyond[1], beyond[2]]);
+        MultiBody::new(grid, &partition).map_err(|source| nothing(0, source))
+    }
+
+    /// The field of an organ at the voxels around it.
+    fn draw(&self, scene: &Scene, organ: usize, smooth: f32) -> Result<Drawn, BodyError> {
         let number = organ as u16 + 1;
         let name = || scene.organs[organ].name.clone();
         let part = self.organs.bounding_box(|&voxel| voxel == number);
@@ -99,27 +204,25 @@ impl Bodies {
                 let member: Vec<bool> = organs.as_slice().iter().map(|&voxel| voxel == number).collect();
                 let foreign: Vec<bool> = organs.as_slice().iter().map(|&voxel| voxel != number && voxel != 0).collect();
                 let voxels = Voxels { shape: organs.shape(), organ: &member, foreign: &foreign };
-                let mut field = match image {
+                match image {
                     // Without smoothing the voxels are asked for, not what the CT makes of them.
                     Some(image) if smooth > 0.0 => from_grey(voxels, image.as_slice(), smooth),
                     _ => from_mask(voxels, smooth),
-                };
-                field.par_iter_mut().zip(&foreign).for_each(|(value, &foreign)| {
-                    *value *= if foreign { 1.0 + field::WALL } else { 1.0 };
-                });
-                field
+                }
             }
         };
-        let field = closed(&field, organs.shape(), &part, self.organs.shape());
-        let grid = cubes(organs.grid(), spacing)?;
-        let values = if grid == *organs.grid() {
-            field
-        } else {
-            let field = CtVolume::from_vec(*organs.grid(), field);
-            (0..grid.shape.len()).into_par_iter().map(|point| field.sample_cubic(grid.place(point), -1.0)).collect()
-        };
-        Body::new(grid, values).map_err(|source| BodyError::Body { organ: name(), source })
+        Ok(Drawn { part, organs, field })
     }
+}
+
+/// An organ as its voxels and the CT draw it.
+struct Drawn {
+    /// Its voxels.
+    part: VoxelBox,
+    /// These and [`MARGIN`] around: organ number plus 1.
+    organs: LabelVolume,
+    /// Above zero inside, one value for each of those.
+    field: Vec<f32>,
 }
 
 /// A field that ends with the volume: beyond its border is the mirror image of what is inside, so that surfaces close half a voxel

@@ -14,12 +14,13 @@ use crate::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 use crate::surface::{Surface, SurfaceError, field};
 
 use super::bodies::{Bodies, BodyError};
+use super::interfaces::{Interfaces, SharedOrgans, SharedRegions};
 use super::record::HU_ARRAY;
 
 /// Passes of the binomial filter over an organ's membership at the lattice points, at a smoothing of 1.
 const LATTICE_PASSES: f32 = field::SMOOTHING_PASSES as f32;
 /// Contrast over which the border of an organ chosen by HU is drawn [HU].
-const HU_CONTRAST: f32 = 100.0;
+pub(super) const HU_CONTRAST: f32 = 100.0;
 
 /// Why the surfaces of a run cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -77,8 +78,10 @@ pub struct MeshOptions {
     /// Smoothing at rest, before anything is carried: 0 keeps the voxels' staircases, 1 takes them away. Organs chosen by HU are
     /// drawn through the values of the CT in any case.
     pub smooth: f32,
-    /// Fewer or better triangles; only for surfaces finer than the lattice.
+    /// Fewer or better triangles; only for surfaces finer than the lattice, and not for shared walls.
     pub care: MeshCare,
+    /// Whose the walls between organs are.
+    pub interfaces: Interfaces,
 }
 
 /// What is done to the triangles of each organ, once at rest; nothing by default. See [`crate::surface::care`].
@@ -101,7 +104,12 @@ impl MeshCare {
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        Self { resolution: Resolution::default(), smooth: 1.0, care: MeshCare::default() }
+        Self {
+            resolution: Resolution::default(),
+            smooth: 1.0,
+            care: MeshCare::default(),
+            interfaces: Interfaces::Separate,
+        }
     }
 }
 
@@ -116,6 +124,8 @@ pub struct RunMesher {
     care: MeshCare,
     /// Surfaces for this many severed springs and quads of the cut sheet.
     epoch: Option<([usize; 2], Vec<OrganSurface>)>,
+    /// All organs at once, in place of the above.
+    shared: Option<SharedOrgans>,
 }
 
 /// What the surface of an organ is drawn from.
@@ -159,15 +169,17 @@ impl RunMesher {
         if let Some(found) = names.iter().find(|name| !all().contains(name)) {
             return Err(MeshRunError::UnknownOrgan { found: found.clone(), expected: all() });
         }
+        if options.interfaces == Interfaces::Shared {
+            let shared = Some(SharedOrgans::new(&reader, &scene, names, options)?);
+            return Ok(Self { reader, scene, organs: Vec::new(), care: options.care, epoch: None, shared });
+        }
         let wanted =
             (0..scene.organs.len()).filter(|&organ| names.is_empty() || names.contains(&scene.organs[organ].name));
         let organs = match options.resolution {
             Resolution::Lattice => {
-                let by_hu = scene.organs.iter().any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }));
-                let hu = by_hu.then(|| reader.extra_f32(HU_ARRAY)).transpose()?;
-                let hu = hu.as_ref().map(|hu| hu.values.as_slice());
-                let values = |organ| values_of(&scene, organ, reader.lattice(), hu, options.smooth);
-                wanted.map(|organ| (organ, Shape::Lattice(values(organ)))).collect()
+                let hu = hu_of(&reader, &scene)?;
+                let mut fields = parted_fields(&scene, reader.lattice(), hu.as_deref(), options.smooth);
+                wanted.map(|organ| (organ, Shape::Lattice(std::mem::take(&mut fields[organ])))).collect()
             }
             Resolution::Volume | Resolution::Spacing(_) => {
                 let bodies = Bodies::of_run(&reader, &scene)?;
@@ -182,7 +194,7 @@ impl RunMesher {
                 wanted.map(shape).collect::<Result<_, MeshRunError>>()?
             }
         };
-        Ok(Self { reader, scene, organs, care: options.care, epoch: None })
+        Ok(Self { reader, scene, organs, care: options.care, epoch: None, shared: None })
     }
 
     /// The run.
@@ -195,7 +207,12 @@ impl RunMesher {
         &self.scene
     }
 
-    /// Time [s] and meshes of a frame, one per organ, in the order of the scene.
+    /// What lies behind and in front of each mesh given last; only for shared walls.
+    pub fn regions(&self) -> Option<SharedRegions> {
+        self.shared.as_ref().map(|shared| shared.regions(&self.scene))
+    }
+
+    /// Time [s] and meshes of a frame, one per organ, in the order of the scene; one per wall where they are shared.
     ///
     /// # Errors
     /// If the frame cannot be read.
@@ -205,6 +222,10 @@ impl RunMesher {
     pub fn frame(&mut self, number: usize) -> Result<(f64, Vec<OrganMesh>), MeshRunError> {
         let frame = self.reader.frame(number)?;
         let cuts = self.reader.cut_sheet(number)?;
+        if let Some(shared) = &mut self.shared {
+            let meshes = shared.meshes(self.reader.lattice(), &self.scene, &frame, &cuts)?;
+            return Ok((frame.time_s, meshes));
+        }
         let parted = [frame.topology.severed().len(), cuts.quads.len()];
         if self.epoch.as_ref().is_none_or(|(known, _)| *known != parted) {
             let surfaces = self.extract(&frame.topology, &cuts)?;
@@ -227,6 +248,9 @@ impl RunMesher {
 
     /// Whether each vertex of the meshes given last lies on a face of a cut; one list per organ, empty before the first frame.
     pub fn on_cut(&self) -> Vec<Vec<bool>> {
+        if let Some(shared) = &self.shared {
+            return shared.on_cut().to_vec();
+        }
         self.epoch.iter().flat_map(|(_, surfaces)| surfaces.iter().map(OrganSurface::on_seam)).collect()
     }
 
@@ -246,15 +270,36 @@ impl RunMesher {
     }
 }
 
-/// What an organ's surface is drawn from, see [`field`]. `hu`: the CT at the lattice points, for organs chosen by HU.
-fn values_of(scene: &Scene, organ: usize, lattice: &Lattice, hu: Option<&[f32]>, smooth: f32) -> Vec<f32> {
-    let number = organ as u8;
-    let mut values = match (&scene.organs[organ].voxels, hu) {
-        (VoxelSelection::Hu { min, max }, Some(hu)) => field::from_hu(lattice, number, hu, [*min, *max], HU_CONTRAST),
-        _ => field::smoothed(lattice, number, (smooth * LATTICE_PASSES).round() as usize),
+/// HU at the points of a run's lattice, when an organ was chosen by them.
+pub(super) fn hu_of(reader: &RunReader, scene: &Scene) -> Result<Option<Vec<f32>>, MeshRunError> {
+    let by_hu = scene.organs.iter().any(is_by_hu);
+    Ok(by_hu.then(|| reader.extra_f32(HU_ARRAY)).transpose()?.map(|hu| hu.values))
+}
+
+fn is_by_hu(organ: &resolved::Organ) -> bool {
+    matches!(organ.voxels, VoxelSelection::Hu { .. })
+}
+
+/// What the surface of every organ is drawn from, see [`field`]. `hu`: the CT at the lattice points, for organs chosen by HU.
+pub(super) fn fields_of(scene: &Scene, lattice: &Lattice, hu: Option<&[f32]>, smooth: f32) -> Vec<Vec<f32>> {
+    let field = |organ: usize| match (&scene.organs[organ].voxels, hu) {
+        (VoxelSelection::Hu { min, max }, Some(hu)) => {
+            field::from_hu(lattice, organ as u8, hu, [*min, *max], HU_CONTRAST)
+        }
+        _ => field::smoothed(lattice, organ as u8, (smooth * LATTICE_PASSES).round() as usize),
     };
-    field::part_walls(lattice, number, &mut values);
-    values
+    (0..scene.organs.len()).map(field).collect()
+}
+
+/// The same for organs drawn one by one: walls of two organs lie in one place, then each stands back a little.
+fn parted_fields(scene: &Scene, lattice: &Lattice, hu: Option<&[f32]>, smooth: f32) -> Vec<Vec<f32>> {
+    let mut fields = fields_of(scene, lattice, hu, smooth);
+    // Fields of HU measure something else than shares do, and have no common zero with them.
+    if !scene.organs.iter().any(is_by_hu) {
+        field::join_walls(lattice, &mut fields);
+    }
+    fields.iter_mut().enumerate().for_each(|(organ, field)| field::part_walls(lattice, organ as u8, field));
+    fields
 }
 
 /// Volume of a soft organ now against rest, by two measures that agree but for cut cells and a rounded skin.
@@ -304,14 +349,14 @@ pub fn organ_volumes(world: &World, scene: &Scene, hu: Option<&[f32]>) -> Result
     let (lattice, topology) = (world.lattice(), world.topology());
     let whole = Topology::new(lattice);
     let moved = world.displacements_mm();
+    let fields = parted_fields(scene, lattice, hu, 1.0);
     let soft = |organ: &usize| !matches!(scene.organs[*organ].body, resolved::Body::Rigid { .. });
     (0..scene.organs.len())
         .filter(soft)
         .map(|organ| {
             let name = scene.organs[organ].name.clone();
-            let values = values_of(scene, organ, lattice, hu, 1.0);
             let extract = |topology: &Topology| {
-                Surface::extract(lattice, topology, &values)
+                Surface::extract(lattice, topology, &fields[organ])
                     .map_err(|source| MeshRunError::Surface { organ: name.clone(), source })
             };
             let at_rest = extract(&whole)?;
@@ -334,12 +379,12 @@ pub fn scene_of(reader: &RunReader) -> Result<Scene, MeshRunError> {
 }
 
 /// Bone is dry, everything soft is wet.
-fn finish_of(body: &resolved::Body) -> Finish {
+pub(super) fn finish_of(body: &resolved::Body) -> Finish {
     if matches!(body, resolved::Body::Rigid { .. }) { Finish::Dry } else { Finish::Wet }
 }
 
 /// The label that stands for an organ's tissue in files: its first, or 1 when it was chosen by HU.
-fn label_of(voxels: &VoxelSelection) -> u16 {
+pub(super) fn label_of(voxels: &VoxelSelection) -> u16 {
     match voxels {
         VoxelSelection::Labels(labels) => labels.first().copied().unwrap_or(1),
         VoxelSelection::Hu { .. } => 1,

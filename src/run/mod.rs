@@ -11,6 +11,7 @@ pub mod bodies;
 pub mod drive;
 pub mod estimate;
 pub mod inputs;
+pub mod interfaces;
 pub mod label_lookup;
 mod materials;
 pub mod meshes;

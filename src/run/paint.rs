@@ -6,6 +6,7 @@
 use std::path::PathBuf;
 
 use super::inputs::{InputError, load_volume};
+use super::interfaces::is_border_of;
 use super::meshes::MeshRunError;
 use crate::lattice::Lattice;
 use crate::look::colormap::Colormap;
@@ -201,7 +202,8 @@ impl Painter {
         let detailed = by.is_some() && self.options.detail > 0.0;
         let reach = self.ct.as_ref().map_or(0.0, skin_reach);
         for (organ, on_cut) in meshes.iter_mut().zip(on_cut) {
-            let look = self.organs.iter().find(|look| look.name == organ.name).expect("an organ of the scene");
+            let is_of = |look: &&OrganLook| is_border_of(&organ.name, &look.name);
+            let look = self.organs.iter().find(is_of).expect("an organ of the scene");
             let mesh = &mut organ.mesh;
             if hu || strains.is_some() || velocities.is_some() || detailed {
                 let rest = RestSurface::new(mesh, on_cut, reach);

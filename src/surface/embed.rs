@@ -79,6 +79,20 @@ pub(crate) struct Embedding {
     pub(crate) centres: Vec<(u32, Vec<u32>)>,
 }
 
+impl Embedding {
+    /// A particle on the inside of each vertex and on its side of every cut; 0 for centres.
+    pub(crate) fn anchors(&self) -> Vec<u32> {
+        let of = |vertex: &Vertex| match vertex.carrier {
+            Carrier::Between { from, .. } => from,
+            Carrier::Beyond { particle, .. } => particle,
+            Carrier::Front { index } => self.fronts[index as usize].particles[0],
+            Carrier::Rim { index } => self.rims[index as usize].particle,
+            Carrier::Centre { .. } => 0,
+        };
+        self.vertices.iter().map(of).collect()
+    }
+}
+
 /// Vertices per parallel task.
 const VERTICES_PER_TASK: usize = 1 << 13;
 

@@ -102,14 +102,7 @@ impl Surface {
     /// A particle on the inside of each vertex and on its side of every cut.
     pub(crate) fn anchors(&self) -> Vec<u32> {
         let embedding = &self.embedding;
-        let of = |vertex: &Vertex| match vertex.carrier {
-            Carrier::Between { from, .. } => from,
-            Carrier::Beyond { particle, .. } => particle,
-            Carrier::Front { index } => embedding.fronts[index as usize].particles[0],
-            Carrier::Rim { index } => embedding.rims[index as usize].particle,
-            Carrier::Centre { .. } => 0,
-        };
-        let mut anchors: Vec<u32> = embedding.vertices.iter().map(of).collect();
+        let mut anchors = embedding.anchors();
         for (centre, ring) in &embedding.centres {
             anchors[*centre as usize] = anchors[ring[0] as usize];
         }
@@ -179,17 +172,17 @@ impl Surface {
 pub(crate) type Loop = (u32, Vec<u32>);
 
 /// Makes the vertices of crossings.
-struct Crossings<'a> {
-    lattice: &'a Lattice,
-    alive: &'a [u32],
-    blades: &'a Blades,
+pub(super) struct Crossings<'a> {
+    pub(super) lattice: &'a Lattice,
+    pub(super) alive: &'a [u32],
+    pub(super) blades: &'a Blades,
 }
 
 /// Gradients are numbered once all vertices are known.
 const NOT_YET: u32 = u32::MAX;
 
 impl Crossings<'_> {
-    fn vertex(&self, crossing: Crossing) -> Vertex {
+    pub(super) fn vertex(&self, crossing: Crossing) -> Vertex {
         let mut inside = crossing.low.map(|i| i as i64 - 1);
         inside[crossing.axis] += i64::from(!crossing.upward);
         let particle = self.particle(inside).unwrap_or(0);
@@ -207,7 +200,7 @@ impl Crossings<'_> {
     }
 
     /// From a particle towards its neighbour along an axis: between both where they are linked, else beyond the particle.
-    fn carrier(&self, particle: u32, ijk: [i64; 3], axis: usize, upward: bool, t: f32) -> Carrier {
+    pub(super) fn carrier(&self, particle: u32, ijk: [i64; 3], axis: usize, upward: bool, t: f32) -> Carrier {
         let mut offset = [0; 3];
         offset[axis] = if upward { 1 } else { -1 };
         let linked = self.alive[particle as usize] >> neighbours::direction_of(offset) & 1 == 1;
@@ -218,7 +211,7 @@ impl Crossings<'_> {
         }
     }
 
-    fn particle(&self, ijk: [i64; 3]) -> Option<u32> {
+    pub(super) fn particle(&self, ijk: [i64; 3]) -> Option<u32> {
         let shape = self.lattice.grid.shape;
         let within = (0..3).all(|axis| ijk[axis] >= 0 && ijk[axis] < shape.dims()[axis] as i64);
         let particle = within.then(|| self.lattice.particle_at[shape.linear(ijk.map(|i| i as usize))])?;
@@ -226,7 +219,7 @@ impl Crossings<'_> {
     }
 
     /// Rest place `steps` along grid axes from a grid point, RAS+ [mm].
-    fn place(&self, ijk: [i64; 3], steps: &[(usize, f32)]) -> [f64; 3] {
+    pub(super) fn place(&self, ijk: [i64; 3], steps: &[(usize, f32)]) -> [f64; 3] {
         let mut index = ijk.map(|i| i as f64);
         for &(axis, step) in steps {
             index[axis] += f64::from(step);
@@ -235,7 +228,7 @@ impl Crossings<'_> {
     }
 
     /// The lips, crack fronts and rims of a seam edge, from vertex `first` on.
-    fn add_seam_edge(&self, edge: &SeamEdge, first: usize, embedding: &mut Embedding) {
+    pub(super) fn add_seam_edge(&self, edge: &SeamEdge, first: usize, embedding: &mut Embedding) {
         let axis = usize::from(edge.axis);
         let ends = [0, 1].map(|end| {
             let mut ijk = edge.low.map(|i| i64::from(i) - 1);
@@ -326,7 +319,7 @@ fn add_centres(embedding: &mut Embedding, centres: impl Iterator<Item = u32>, tr
 }
 
 /// Numbers the gradients that vertices need, in the order of the vertices.
-fn add_gradients(embedding: &mut Embedding, lattice: &Lattice, alive: &[u32]) {
+pub(super) fn add_gradients(embedding: &mut Embedding, lattice: &Lattice, alive: &[u32]) {
     let mut place_of = vec![NOT_YET; lattice.len()];
     let mut particles = Vec::new();
     let mut need = |particle: u32| {

@@ -155,13 +155,32 @@ pub fn from_hu(lattice: &Lattice, organ: u8, hu: &[f32], range: [f32; 2], width:
 /// pitch, and by 0.0008 at the ends of what smoothing leaves. Welding needs about 0.001 between both walls.
 pub(crate) const WALL: f32 = 0.01;
 
+/// Makes the walls of all organs meet: where two touch, both draw their wall half-way between what each would have, point by point.
+///
+/// Smoothing moves the wall of each organ on its own, by some hundredths of a pitch either way, to keep the volume of each; without
+/// this, walls of two organs pass through each other. Skins stay where they are.
+///
+/// - `fields`: one per organ, as [`smoothed`] gives them.
+///
+/// # Panics
+/// If a field has not one value per grid point.
+pub fn join_walls(lattice: &Lattice, fields: &mut [Vec<f32>]) {
+    assert!(fields.iter().all(|field| field.len() == lattice.particle_at.len()), "one value per grid point");
+    for (point, &particle) in lattice.particle_at.iter().enumerate().filter(|point| *point.1 != NO_PARTICLE) {
+        let owner = usize::from(lattice.organ[particle as usize]);
+        let Some(own) = fields.get(owner).map(|field| field[point]).filter(|own| *own > 0.0) else { continue };
+        for (_, field) in fields.iter_mut().enumerate().filter(|(organ, _)| *organ != owner) {
+            field[point] = -own;
+        }
+    }
+}
+
 /// Sets the walls of an organ back from the organs it touches, by 0.001 to 0.0025 pitch.
 ///
 /// Two organs drawn from [`binary`] fields share every vertex of their common wall, and so do many of [`smoothed`] ones. Readers that
 /// weld vertices by place, as STL needs, would find edges with four triangles there.
 ///
-/// Not guaranteed: that walls do not pass through each other. Smoothing moves the wall of each organ on its own, by some hundredths of a
-/// pitch either way, to keep the volume of each.
+/// Not guaranteed: that walls do not pass through each other, unless [`join_walls`] went before.
 ///
 /// # Panics
 /// If there is not one value per grid point.

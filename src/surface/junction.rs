@@ -11,7 +11,7 @@ pub(crate) const LIP_SHIFT: f32 = 0.001;
 
 /// Where a crack front lies behind its edge, as a fraction of the face: by the number of dead diagonals, since the blade
 /// has passed each diagonal it severed.
-const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
+pub(crate) const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
 
 /// A crack front as a combination of the corners of its face that hold together.
 #[derive(Debug, Clone, Copy, PartialEq)]

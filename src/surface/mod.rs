@@ -5,6 +5,7 @@
 //! extract    once per cut epoch: crossings -> triangles, and for each vertex the particles that carry it
 //! carry      once per frame: displacements of the particles -> a TriangleMesh
 //! fine       the same from the CT at its own resolution, carried by a coarser lattice
+//! interfaces all organs at once, their walls drawn once and shared
 //! check      is a mesh closed, manifold, oriented; its area, volume and parts
 //! ```
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
@@ -18,6 +19,7 @@ pub mod field;
 pub mod field_normals;
 pub mod fine;
 pub(crate) mod gradient;
+pub mod interfaces;
 mod junction;
 mod marching_cubes;
 pub mod mesh;

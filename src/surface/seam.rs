@@ -48,16 +48,19 @@ impl SeamEdge {
 
     /// Place of a crack front among the vertices of this edge.
     pub(crate) fn front_place(&self, slot: u8) -> u32 {
+        debug_assert!(self.front_slots >> slot & 1 == 1, "no crack front at slot {slot}");
         2 + (self.front_slots & ((1 << slot) - 1)).count_ones()
     }
 
     /// Place of a rim among the vertices of this edge.
     pub(crate) fn rim_place(&self, slot: u8, end: u8) -> u32 {
+        debug_assert!(self.rim_slots >> (2 * slot + end) & 1 == 1, "no rim at slot {slot}, end {end}");
         let before = (1_u8 << (2 * slot + end)) - 1;
         (2 + self.fronts.len()) as u32 + (self.rim_slots & before).count_ones()
     }
 
-    fn key(&self, shape: GridShape) -> u64 {
+    /// Its place in the order of edges.
+    pub(crate) fn key(&self, shape: GridShape) -> u64 {
         edge_key(shape, self.low.map(i64::from), self.axis)
     }
 }
@@ -77,6 +80,54 @@ impl SeamCell {
     /// Padded index along x.
     pub(crate) fn column(&self) -> usize {
         self.low[0] as usize
+    }
+}
+
+/// A cell with a dead spring, before it is drawn.
+#[derive(Debug, Clone)]
+pub(crate) struct CellState {
+    /// Lower corner, padded indices.
+    pub(crate) low: [u32; 3],
+    pub(crate) cell: Cell,
+    seam_edges: Vec<(u8, u32)>,
+}
+
+/// Edges whose ends a cut has parted, ascending as in [`Seam`], and the cells with a dead spring, ascending too.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Gaps {
+    pub(crate) edges: Vec<SeamEdge>,
+    pub(crate) cells: Vec<CellState>,
+}
+
+impl Gaps {
+    /// Finds what the dead springs between inside points part.
+    ///
+    /// - `labels`: organ of each grid point, where several are drawn at once: diagonals between two organs then join nothing.
+    pub(crate) fn find(
+        lattice: &Lattice,
+        topology: &Topology,
+        blades: &Blades,
+        bits: &InsideBits,
+        values: &[f32],
+        labels: Option<&[u8]>,
+    ) -> Self {
+        let tissue = Tissue { lattice, alive: topology.alive(), bits, blades, labels };
+        let dead = tissue.dead_springs();
+        if dead.is_empty() {
+            return Self::default();
+        }
+        let shape = bits.shape;
+        let keys = sorted(
+            dead.par_iter()
+                .filter(|spring| spring.family() == 1 && tissue.parts_its_ends(spring))
+                .map(|spring| edge_key(shape, spring.low, spring.axis()))
+                .collect(),
+        );
+        let edges: Vec<SeamEdge> = keys.par_iter().map(|&key| tissue.seam_edge(key, &keys, values)).collect();
+        debug_assert!(edges.iter().zip(&keys).all(|(edge, &key)| edge.key(shape) == key));
+        let cell_keys = sorted(dead.par_iter().flat_map_iter(|spring| spring.cells(shape)).collect());
+        let cells = cell_keys.par_iter().map(|&key| tissue.cell_state(key, &keys)).collect();
+        Self { edges, cells }
     }
 }
 
@@ -103,23 +154,10 @@ impl Seam {
         bits: &InsideBits,
         values: &[f32],
     ) -> Self {
-        let tissue = Tissue { lattice, alive: topology.alive(), bits, blades };
-        let dead = tissue.dead_springs();
-        if dead.is_empty() {
-            return Self::none();
-        }
-        let shape = bits.shape;
-        let keys = sorted(
-            dead.par_iter()
-                .filter(|spring| spring.family() == 1 && tissue.parts_its_ends(spring))
-                .map(|spring| edge_key(shape, spring.low, spring.axis()))
-                .collect(),
-        );
-        let edges: Vec<SeamEdge> = keys.par_iter().map(|&key| tissue.seam_edge(key, &keys, values)).collect();
-        debug_assert!(edges.iter().zip(&keys).all(|(edge, &key)| edge.key(shape) == key));
-        let cell_keys = sorted(dead.par_iter().flat_map_iter(|spring| spring.cells(shape)).collect());
-        let cells = cell_keys.par_iter().map(|&key| tissue.seam_cell(key, &keys)).collect();
-        Self { edges, cells }
+        let Gaps { edges, cells } = Gaps::find(lattice, topology, blades, bits, values, None);
+        let drawn =
+            |state: CellState| SeamCell { low: state.low, patch: state.cell.patch(), seam_edges: state.seam_edges };
+        Self { edges, cells: cells.into_par_iter().map(drawn).collect() }
     }
 
     /// Seam edges that start in a padded layer.
@@ -152,17 +190,17 @@ fn sorted(mut keys: Vec<u64>) -> Vec<u64> {
 }
 
 /// Linear index of a padded point.
-fn point_key(shape: GridShape, at: [i64; 3]) -> u64 {
+pub(crate) fn point_key(shape: GridShape, at: [i64; 3]) -> u64 {
     let (nx, ny) = (shape.nx as u64 + 2, shape.ny as u64 + 2);
     (at[2] as u64 * ny + at[1] as u64) * nx + at[0] as u64
 }
 
-fn point_of_key(shape: GridShape, key: u64) -> [i64; 3] {
+pub(crate) fn point_of_key(shape: GridShape, key: u64) -> [i64; 3] {
     let (nx, ny) = (shape.nx as u64 + 2, shape.ny as u64 + 2);
     [(key % nx) as i64, (key / nx % ny) as i64, (key / (nx * ny)) as i64]
 }
 
-fn edge_key(shape: GridShape, low: [i64; 3], axis: u8) -> u64 {
+pub(crate) fn edge_key(shape: GridShape, low: [i64; 3], axis: u8) -> u64 {
     3 * point_key(shape, low) + u64::from(axis)
 }
 
@@ -205,6 +243,8 @@ struct Tissue<'a> {
     alive: &'a [u32],
     bits: &'a InsideBits,
     blades: &'a Blades,
+    /// Organ of each grid point, where several are drawn at once.
+    labels: Option<&'a [u8]>,
 }
 
 /// Particles per task when all particles are searched.
@@ -219,6 +259,11 @@ impl Tissue<'_> {
         }
         let at = at.map(|i| i as usize);
         self.bits.get(at).then(|| self.lattice.particle_at[self.bits.shape.linear(at.map(|i| i - 1))])
+    }
+
+    /// Organ of an inside point, where that matters.
+    fn label(&self, at: [i64; 3]) -> Option<u8> {
+        self.labels.map(|labels| labels[self.bits.shape.linear(at.map(|i| (i - 1) as usize))])
     }
 
     /// Whether the spring between two neighbouring points lives.
@@ -269,7 +314,9 @@ impl Tissue<'_> {
             face.alive |= u8::from(self.linked(corners[m], corners[(m + 1) % 4])) << m;
         }
         for m in 0..2 {
-            face.diagonals |= u8::from(self.linked(corners[m], corners[m + 2])) << m;
+            let joined =
+                self.linked(corners[m], corners[m + 2]) && self.label(corners[m].0) == self.label(corners[m + 2].0);
+            face.diagonals |= u8::from(joined) << m;
         }
         (face, corners.map(|corner| corner.1))
     }
@@ -378,7 +425,7 @@ impl Tissue<'_> {
         Beyond::Sheet(1.0 - self.skin_fraction(start, axis, values).0)
     }
 
-    fn seam_cell(&self, key: u64, edge_keys: &[u64]) -> SeamCell {
+    fn cell_state(&self, key: u64, edge_keys: &[u64]) -> CellState {
         let low = point_of_key(self.bits.shape, key);
         let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
             let offset = corner_offset(corner);
@@ -408,7 +455,7 @@ impl Tissue<'_> {
                 cell.diagonals |= u16::from(self.linked(one, two)) << (2 * face + m);
             }
         }
-        SeamCell { low: low.map(|i| i as u32), patch: cell.patch(), seam_edges }
+        CellState { low: low.map(|i| i as u32), cell, seam_edges }
     }
 }
 

@@ -3,6 +3,7 @@
 mod bad_input;
 mod bad_output;
 mod help;
+mod interfaces;
 mod moduli;
 mod nasty;
 mod paint;

@@ -6,7 +6,7 @@ use std::path::Path;
 use yawara::geometry::{Affine, Grid, GridShape};
 use yawara::io::mesh_error::WriteMeshError;
 use yawara::io::mesh_format::MeshFormat;
-use yawara::io::vtk::{LatticeState, write_pvd, write_vtp, write_vtu};
+use yawara::io::vtk::{LatticeState, Regions, write_pvd, write_vtp, write_vtp_borders, write_vtu};
 use yawara::lattice::cells::build_cells;
 use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS};
 use yawara::lattice::{Lattice, SeveredSpring, Topology};
@@ -95,6 +95,20 @@ fn surfaces_hold_every_attribute_where_the_header_says() {
     assert!(found.xml.contains("Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">0.125<"));
     let message = MeshFormat::Vtp.read(&path).unwrap_err().to_string();
     assert!(message.contains("m.vtp: VTK XML is not read here"), "{message}");
+}
+
+#[test]
+fn borders_say_what_lies_on_either_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.vtp");
+    let borders = [blob("liver|outside", [0.0; 3], 7), blob("liver|gallbladder", [9.0; 3], 4)];
+    let names = ["outside", "liver", "gallbladder"].map(str::to_owned);
+    write_vtp_borders(&path, &borders, Regions { names: &names, sides: &[[1, 0], [1, 2]] }, None).unwrap();
+    let found = Parsed::open(&path);
+    assert_eq!(found.text("region_names"), "outside\0liver\0gallbladder\0");
+    let [first, second] = borders.map(|border| border.mesh.triangles.len());
+    assert_eq!(found.words("inside"), vec![1; first + second]);
+    assert_eq!(found.words("outside"), [vec![0; first], vec![2; second]].concat());
 }
 
 /// A block of 4 x 3 x 2 voxels of tissue, on axes that run against the patient's x when `mirrored`.

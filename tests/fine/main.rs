@@ -7,3 +7,4 @@ mod bodies;
 mod carrying;
 mod cuts;
 mod organs;
+mod shared;

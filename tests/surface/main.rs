@@ -6,6 +6,7 @@ mod cells;
 mod crossing;
 mod cuts;
 mod fuzz;
+mod interfaces;
 mod measures;
 mod normals;
 mod support;

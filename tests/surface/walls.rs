@@ -112,6 +112,27 @@ fn organs_mixed_at_random_stay_apart() {
     }
 }
 
+#[test]
+fn walls_that_were_joined_lie_in_one_place() {
+    let lattice = three_organs();
+    let topology = Topology::new(&lattice);
+    let mut fields: Vec<Vec<f32>> = (0..3).map(|organ| field::smoothed(&lattice, organ, 2)).collect();
+    // Of the vertices of organ 0, those that no vertex of another organ comes close to although they lie on a wall.
+    let alone = |fields: &[Vec<f32>]| {
+        let [own, rest @ ..] = &meshes(&lattice, &topology, fields)[..] else { unreachable!("three organs") };
+        let on_wall =
+            own.positions.iter().filter(|place| place.iter().zip([17.0, 13.0, 11.0]).all(|(&x, n)| x > 0.0 && x < n));
+        let others: Vec<[f32; 3]> = rest.iter().flat_map(|mesh| mesh.positions.iter().copied()).collect();
+        let near =
+            |place: &&[f32; 3]| !others.iter().any(|other| (0..3).all(|axis| (other[axis] - place[axis]).abs() < 1e-4));
+        (on_wall.clone().count(), on_wall.filter(near).count())
+    };
+    let (walls, before) = alone(&fields);
+    assert!(walls > 200 && before > 50, "{before} of {walls} have nothing to mend");
+    field::join_walls(&lattice, &mut fields);
+    assert_eq!(alone(&fields).1, 0, "of {walls}");
+}
+
 /// A value of an organ in -1..1, the same for the same trial.
 fn random_of(organ: u8, trial: u64) -> f32 {
     (2.0 * Random::new(trial << 8 | u64::from(organ)).unit() - 1.0) as f32

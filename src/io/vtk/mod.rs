@@ -12,7 +12,7 @@ mod surface;
 
 pub use collection::write_pvd;
 pub use lattice::{LatticeState, write_vtu};
-pub use surface::write_vtp;
+pub use surface::{Regions, write_vtp, write_vtp_borders};
 
 /// Text as XML holds it between tags and in attributes.
 fn escape(text: &str) -> String {

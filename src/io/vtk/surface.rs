@@ -17,6 +17,42 @@ use crate::surface::mesh::{OrganMesh, TriangleMesh};
 /// # Errors
 /// If the meshes are inconsistent, not finite or empty, hold more than 2^31 - 1 corners, or the file cannot be written.
 pub fn write_vtp(path: &Path, organs: &[OrganMesh], time: Option<f64>) -> Result<(), WriteMeshError> {
+    write(path, organs, None, time)
+}
+
+/// What lies on the two sides of borders.
+#[derive(Debug, Clone, Copy)]
+pub struct Regions<'a> {
+    /// Names of all regions, the outside first.
+    pub names: &'a [String],
+    /// For each mesh the regions behind and in front of its triangles, as places among the names.
+    pub sides: &'a [[u16; 2]],
+}
+
+/// Writes borders between regions as [`write_vtp`] writes organs; cell data `inside` and `outside` are the regions behind and in front of
+/// each triangle, as places in `region_names` of the field data. The closed surface of a region: all triangles that name it.
+///
+/// # Errors
+/// As [`write_vtp`].
+///
+/// # Panics
+/// If there is not one pair of sides per mesh.
+pub fn write_vtp_borders(
+    path: &Path,
+    borders: &[OrganMesh],
+    regions: Regions<'_>,
+    time: Option<f64>,
+) -> Result<(), WriteMeshError> {
+    assert_eq!(borders.len(), regions.sides.len(), "two sides per mesh");
+    write(path, borders, Some(regions), time)
+}
+
+fn write(
+    path: &Path,
+    organs: &[OrganMesh],
+    regions: Option<Regions<'_>>,
+    time: Option<f64>,
+) -> Result<(), WriteMeshError> {
     check_organs(path, organs)?;
     let index = Index::new(organs);
     let (points, triangles) = (index.points, index.triangles);
@@ -37,6 +73,9 @@ pub fn write_vtp(path: &Path, organs: &[OrganMesh], time: Option<f64>) -> Result
     file.texts("unit", ["mm"]);
     file.texts("space", ["RAS+: x to the patient's right, y to the front, z to the head"]);
     file.texts("organ_names", organs.iter().map(|organ| organ.name.as_str()));
+    if let Some(regions) = regions {
+        file.texts("region_names", regions.names.iter().map(String::as_str));
+    }
     time.into_iter().for_each(|time| file.time(time));
 
     let all = |there: fn(&TriangleMesh) -> bool| {
@@ -89,6 +128,13 @@ pub fn write_vtp(path: &Path, organs: &[OrganMesh], time: Option<f64>) -> Result
         });
     }
     file.words(Section::CellData, "organ", triangles, move |triangle| index.organ_of_triangle(triangle).0 as u16);
+    if let Some(Regions { sides, .. }) = regions {
+        for (side, name) in ["inside", "outside"].into_iter().enumerate() {
+            file.words(Section::CellData, name, triangles, move |triangle| {
+                sides[index.organ_of_triangle(triangle).0][side]
+            });
+        }
+    }
     file.integers("connectivity", 3 * triangles as u64, triangles, move |triangle, add| {
         let (organ, triangle) = index.organ_of_triangle(triangle);
         let first = index.first_point[organ] as u32;

@@ -13,12 +13,14 @@
 //!
 //! Not guaranteed: that the two sides of a cut fit together to better than the curvature of the displacement over a cell.
 
+mod bound;
 mod carry;
 mod hosts;
 mod knife;
 
 use rayon::prelude::*;
 
+pub(super) use self::bound::Bound;
 use self::carry::{Carriage, Carried};
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
@@ -128,15 +130,7 @@ impl FineSurface {
         let hosts = Hosts::new(lattice, topology, &knife);
         let frame = Frame::new(lattice, &body.points);
         let fine = &body.points;
-        let mut cut = Topology::new(fine);
-        for spring in knife.severed(fine, |index| frame.to_fine(index)) {
-            cut.sever(fine, spring);
-        }
-        if !topology.severed().is_empty() {
-            for spring in parted(fine, &cut, &hosts, &frame) {
-                cut.sever(fine, spring);
-            }
-        }
+        let cut = opened(fine, topology, &knife, &hosts, &frame);
         let surface = Surface::extract_places(fine, &cut, &body.values)?;
         let mut rest: Vec<[f64; 3]> = surface.rest_places().collect();
         let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
@@ -154,12 +148,7 @@ impl FineSurface {
             (rest, triangles, centres) = (cared.positions, cared.triangles, Vec::new());
         }
         let normals = rest_normals(body, &sheets, &rest, of_triangles)?;
-        let places: Vec<Vector3> =
-            rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
-        let inside = anchors.par_iter().map(|&anchor| frame.place_of(fine, anchor));
-        let hosts_of: Vec<Host> =
-            inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
-        let carriage = Carriage::bind(lattice, topology, &hosts, &hosts_of, &places);
+        let carriage = bound(fine, lattice, topology, &hosts, &frame, &rest, &anchors);
         Ok(Self { rest, normals, triangles, sheets, centres, carriage })
     }
 
@@ -263,6 +252,38 @@ impl Frame {
     fn place_of(&self, fine: &Lattice, point: u32) -> Vector3 {
         self.to_lattice(Vector3::from(fine.ijk(point).map(|i| i as f64)))
     }
+}
+
+/// The springs of a body as blades have left them.
+fn opened(fine: &Lattice, topology: &Topology, knife: &Knife, hosts: &Hosts<'_>, frame: &Frame) -> Topology {
+    let mut cut = Topology::new(fine);
+    for spring in knife.severed(fine, |index| frame.to_fine(index)) {
+        cut.sever(fine, spring);
+    }
+    if !topology.severed().is_empty() {
+        for spring in parted(fine, &cut, hosts, frame) {
+            cut.sever(fine, spring);
+        }
+    }
+    cut
+}
+
+/// Binds vertices to the lattice: by their rest places [mm] and the points of the body on their inside.
+fn bound(
+    fine: &Lattice,
+    lattice: &Lattice,
+    topology: &Topology,
+    hosts: &Hosts<'_>,
+    frame: &Frame,
+    rest: &[[f64; 3]],
+    anchors: &[u32],
+) -> Carriage {
+    let places: Vec<Vector3> =
+        rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
+    let inside = anchors.par_iter().map(|&anchor| frame.place_of(fine, anchor));
+    let hosts_of: Vec<Host> =
+        inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
+    Carriage::bind(lattice, topology, hosts, &hosts_of, &places)
 }
 
 /// Springs of the body between points whose hosts have been parted.

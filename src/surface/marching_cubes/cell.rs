@@ -234,7 +234,8 @@ fn diagonal_cost(one: u8, two: u8) -> u64 {
 }
 
 impl Patch {
-    fn add_loop(&mut self, ring: Vec<u8>) {
+    /// Fills a loop of sites.
+    pub(crate) fn add_loop(&mut self, ring: Vec<u8>) {
         debug_assert!(ring.len() >= 3, "a loop with {} vertices", ring.len());
         if !self.triangulate(&ring) {
             let centre = Site::Centre { index: self.centres.len() as u8 }.code();
