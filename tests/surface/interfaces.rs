@@ -123,12 +123,12 @@ fn random_partition(lattice: &Lattice, organs: u8, random: &mut Random) -> Parti
 
 /// One random case: 2 to 5 organs, as noise or in regions, with air; springs severed at random, by planes and half planes.
 fn random_case(trial: u64) -> Seen {
-    let mut random = Random(trial);
+    let mut random = Random::new(trial);
     let [nx, ny, nz] = [0; 3].map(|_| 2 + random.below(4));
     let fill = [0.5, 0.8, 0.95, 1.0][random.below(4)];
     let seed = random.next();
     let mut lattice = lattice(nx, ny, nz, |[i, j, k]| {
-        i + j + k == 0 || Random(seed ^ ((i * 36 + j * 6 + k) as u64) << 20).unit() < fill
+        i + j + k == 0 || Random::new(seed ^ ((i * 36 + j * 6 + k) as u64) << 20).unit() < fill
     });
     let organs = 2 + random.below(4) as u8;
     let seeds: Vec<Vector3> = (0..organs).map(|_| Vector3::from_fn(|_, _| 6.0 * random.unit())).collect();
