@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::paint::PaintArguments;
 use super::surface::SurfaceArguments;
+use crate::kernel::dispatch::InstructionSet;
 use crate::look::colormap::Colormap;
 use crate::slice::SliceAxis;
 
@@ -428,9 +429,51 @@ pub(super) struct BenchLatticeArguments {
     /// Steps to time, at least 1.
     #[arg(long, default_value_t = 20)]
     pub(super) steps: u32,
+    /// What joins the particles: "bare", equal springs; or "everything", dampers, two organs in slabs, and a cut every 24
+    /// particles.
+    #[arg(long, value_enum, default_value = "bare")]
+    pub(super) law: BenchLaw,
+    /// The particles of a scene's organs at its pitch instead of a cube; materials are those of --law.
+    #[arg(long, value_name = "SCENE")]
+    pub(super) scene: Option<PathBuf>,
+    /// Nothing fused, true square roots: the same bits on every instruction set.
+    #[arg(long)]
+    pub(super) exact: bool,
+    /// Instruction set: baseline, avx2 or avx512. Default: the best this machine has.
+    #[arg(long, value_name = "SET")]
+    pub(super) instructions: Option<InstructionSet>,
+    /// A command that does the same work and prints one line of JSON with `particle_steps_per_s` and `mean_moved`; both run
+    /// in turn and the ratio is printed.
+    #[arg(long, value_name = "COMMAND", conflicts_with = "scaling")]
+    pub(super) against: Option<String>,
+    /// How often both run, with --against.
+    #[arg(long, default_value_t = 5, requires = "against")]
+    pub(super) pairs: u32,
+    /// Measures cubes from 1e5 to 5e7 particles on one and on all threads instead, and writes a plot and a table into this
+    /// folder.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "json"])]
+    pub(super) scaling: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,
+}
+
+/// What joins the particles of `yawara bench lattice`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum BenchLaw {
+    /// Equal springs.
+    Bare,
+    /// Dampers, two organs, cuts.
+    Everything,
+}
+
+impl BenchLaw {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Bare => "bare",
+            Self::Everything => "everything",
+        }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -1,5 +1,7 @@
 //! What moves or holds particles from outside: holds, grabs and forces.
 
+use std::collections::hash_map::Entry;
+
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::layout::BLOCK_LEN;
@@ -38,7 +40,7 @@ impl World {
     pub fn hold(&mut self, particles: &[u32]) -> Handle {
         let slots = self.slots_of(particles);
         for &slot in &slots {
-            let holds = &mut self.claims[slot as usize].holds;
+            let holds = &mut self.claims.entry(slot).or_default().holds;
             *holds = holds.checked_add(1).expect("fewer than 65 536 holds");
             self.refresh(slot);
         }
@@ -54,7 +56,7 @@ impl World {
     pub fn grab(&mut self, particles: &[u32]) -> Handle {
         let slots = self.slots_of(particles);
         for &slot in &slots {
-            let grabs = &mut self.claims[slot as usize].grabs;
+            let grabs = &mut self.claims.entry(slot).or_default().grabs;
             *grabs = grabs.checked_add(1).expect("fewer than 65 536 grabs");
             self.refresh(slot);
         }
@@ -100,15 +102,13 @@ impl World {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
             Drive::Hold { slots } => {
                 for slot in slots {
-                    self.claims[slot as usize].holds -= 1;
-                    self.refresh(slot);
+                    self.drop_claim(slot, |claims| claims.holds -= 1);
                 }
                 self.hold_bodies();
             }
             Drive::Grab { slots, .. } => {
                 for slot in slots {
-                    self.claims[slot as usize].grabs -= 1;
-                    self.refresh(slot);
+                    self.drop_claim(slot, |claims| claims.grabs -= 1);
                 }
             }
             Drive::Force { .. } | Drive::Released => {}
@@ -117,7 +117,22 @@ impl World {
 
     /// True while a hold keeps a particle where it is.
     pub(super) fn is_held(&self, particle: u32) -> bool {
-        self.claims[self.layout.slot[particle as usize] as usize].holds > 0
+        self.claims_on(self.layout.slot[particle as usize]).holds > 0
+    }
+
+    /// How many holds and grabs act on a slot.
+    pub(super) fn claims_on(&self, slot: u32) -> Claims {
+        self.claims.get(&slot).copied().unwrap_or_default()
+    }
+
+    fn drop_claim(&mut self, slot: u32, drop: impl Fn(&mut Claims)) {
+        if let Entry::Occupied(mut claims) = self.claims.entry(slot) {
+            drop(claims.get_mut());
+            if *claims.get() == Claims::default() {
+                claims.remove();
+            }
+        }
+        self.refresh(slot);
     }
 
     fn add(&mut self, drive: Drive) -> Handle {
@@ -140,10 +155,10 @@ impl World {
                 Drive::Hold { .. } | Drive::Released => {}
                 Drive::Grab { slots, start, offset } => {
                     for (&slot, start) in slots.iter().zip(start) {
-                        let slot = slot as usize;
-                        if claims[slot].holds > 0 {
+                        if claims.get(&slot).is_some_and(|claims| claims.holds > 0) {
                             continue;
                         }
+                        let slot = slot as usize;
                         let wanted = [0, 1, 2].map(|axis| {
                             let target = f64::from(start[axis]) + offset[axis];
                             (target - f64::from(displacement[axis][slot])) / dt

@@ -17,6 +17,7 @@ pub mod stable_dt;
 pub mod step_control;
 pub mod timeline;
 mod volume;
+mod workers;
 mod world;
 
 pub use drive::Handle;

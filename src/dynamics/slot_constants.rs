@@ -45,15 +45,15 @@ macro_rules! with_law {
     ($constants:expr, $halo:expr, |$law:ident| $call:expr) => {
         match $constants {
             SlotConstants::Uniform(value) => {
-                let $law = crate::kernel::rows::Uniform { by_family: [*value; 3] };
+                let $law = crate::kernel::laws::Uniform { by_family: [*value; 3] };
                 $call
             }
             SlotConstants::MeanOfEnds(_) => {
-                let $law = crate::kernel::rows::MeanOfEnds { particle: $halo };
+                let $law = crate::kernel::laws::MeanOfEnds { particle: $halo };
                 $call
             }
             SlotConstants::SumOfCells { weight, .. } => {
-                let $law = crate::kernel::rows::SumOfCells { cell: $halo, weight: *weight };
+                let $law = crate::kernel::laws::SumOfCells { cell: $halo, weight: *weight };
                 $call
             }
         }

@@ -1,9 +1,10 @@
 //! Spring constants and living springs in block order, and which blocks may take the fast body.
 
 use super::slot_constants::to_slots;
-use crate::kernel::dispatch::kick;
+use crate::kernel::block::{BlockState, StepConstants, Work};
+use crate::kernel::dispatch::{Arithmetic, kick};
 use crate::kernel::halo::{HALO_LEN, Halo, gather, halo_row};
-use crate::kernel::rows::{Absent, Bits, BlockState, Intact, Known, MeanOfEnds, StepConstants, SumOfCells, Uniform};
+use crate::kernel::laws::{Absent, HaloBits, Intact, MeanOfEnds, SumOfCells, Uniform};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout};
 use crate::lattice::neighbours::ALL_ALIVE;
 use crate::material::{Assembly, SpringConstants};
@@ -14,6 +15,8 @@ pub(super) struct Scratch {
     pub(super) velocity: [Halo; 3],
     stiffness: Halo,
     damping: Halo,
+    alive: [u32; HALO_LEN],
+    work: Work,
 }
 
 impl Scratch {
@@ -23,6 +26,8 @@ impl Scratch {
             velocity: [[0.0; HALO_LEN]; 3],
             stiffness: [0.0; HALO_LEN],
             damping: [0.0; HALO_LEN],
+            alive: [0; HALO_LEN],
+            work: Work::default(),
         })
     }
 }
@@ -35,6 +40,8 @@ pub(super) struct BlockInput<'a> {
     pub(super) cells: Option<&'a [[f32; BLOCK_LEN]; 3]>,
     /// Step over mass of each slot [s/kg].
     pub(super) dt_over_mass: &'a [f32; BLOCK_LEN],
+    /// State of the next block.
+    pub(super) ahead: &'a [&'a [f32; BLOCK_LEN]],
 }
 
 /// Which body steps a block.
@@ -120,44 +127,48 @@ impl BlockSprings {
     }
 
     /// Advances the velocities of one block; see [`crate::kernel::rows::kick_block`].
-    ///
     pub(super) fn kick(
         &self,
+        arithmetic: Arithmetic,
         step: StepConstants,
         layout: &BlockLayout,
         block: usize,
         input: BlockInput<'_>,
         velocity_out: [&mut [f32; BLOCK_LEN]; 3],
     ) -> f32 {
-        let BlockInput { scratch, cells, dt_over_mass } = input;
-        let Scratch { displacement, velocity, stiffness: stiffness_halo, damping: damping_halo } = scratch;
-        let state = BlockState { displacement: displacement.each_ref(), velocity: velocity.each_ref(), dt_over_mass };
-        let bits = Bits { alive: block_of(&self.alive, block) };
+        let BlockInput { scratch, cells, dt_over_mass, ahead } = input;
+        let Scratch { displacement, velocity, stiffness: stiffness_halo, damping: damping_halo, alive, work } = scratch;
+        let state = BlockState {
+            displacement: displacement.each_ref(),
+            velocity: velocity.each_ref(),
+            known_force: cells,
+            dt_over_mass,
+            ahead,
+        };
         let neighbours = &layout.neighbours[block];
-        macro_rules! kick_with_cells {
+        if let BlockKind::General = self.kind[block] {
+            gather(&self.alive, neighbours, alive);
+        }
+        let bits = HaloBits { alive };
+        macro_rules! kick_with {
             ($stiffness:expr, $damping:expr, $alive:expr) => {
-                match cells {
-                    Some(force) => kick(step, $stiffness, $damping, $alive, Known { force }, state, velocity_out),
-                    None => kick(step, $stiffness, $damping, $alive, Absent, state, velocity_out),
-                }
+                kick(arithmetic, step, $stiffness, $damping, $alive, state, work, velocity_out)
             };
         }
         match (&self.law, self.kind[block]) {
             (_, BlockKind::Alike { stiffness, damping }) => {
                 let stiffness = Uniform { by_family: stiffness };
                 if self.damped() {
-                    kick_with_cells!(stiffness, Uniform { by_family: damping }, Intact)
+                    kick_with!(stiffness, Uniform { by_family: damping }, Intact)
                 } else {
-                    kick_with_cells!(stiffness, Absent, Intact)
+                    kick_with!(stiffness, Absent, Intact)
                 }
             }
             (Law::Uniform { stiffness, damping }, BlockKind::General) => {
                 let stiffness = Uniform { by_family: [*stiffness; 3] };
                 match damping {
-                    Some(damping) => {
-                        kick(step, stiffness, Uniform { by_family: [*damping; 3] }, bits, Absent, state, velocity_out)
-                    }
-                    None => kick(step, stiffness, Absent, bits, Absent, state, velocity_out),
+                    Some(damping) => kick_with!(stiffness, Uniform { by_family: [*damping; 3] }, bits),
+                    None => kick_with!(stiffness, Absent, bits),
                 }
             }
             (Law::MeanOfEnds { stiffness, damping }, BlockKind::General) => {
@@ -166,9 +177,9 @@ impl BlockSprings {
                 match damping {
                     Some(damping) => {
                         gather(damping, neighbours, damping_halo);
-                        kick(step, stiffness, MeanOfEnds { particle: damping_halo }, bits, Absent, state, velocity_out)
+                        kick_with!(stiffness, MeanOfEnds { particle: damping_halo }, bits)
                     }
-                    None => kick(step, stiffness, Absent, bits, Absent, state, velocity_out),
+                    None => kick_with!(stiffness, Absent, bits),
                 }
             }
             (Law::SumOfCells { stiffness, damping, weight }, BlockKind::General) => {
@@ -177,10 +188,9 @@ impl BlockSprings {
                 match damping {
                     Some(damping) => {
                         gather(damping, neighbours, damping_halo);
-                        let damping = SumOfCells { cell: damping_halo, weight: *weight };
-                        kick_with_cells!(stiffness, damping, bits)
+                        kick_with!(stiffness, SumOfCells { cell: damping_halo, weight: *weight }, bits)
                     }
-                    None => kick_with_cells!(stiffness, Absent, bits),
+                    None => kick_with!(stiffness, Absent, bits),
                 }
             }
         }

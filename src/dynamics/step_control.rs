@@ -24,8 +24,9 @@ use super::parting::Parting;
 use super::slot_constants::{SlotConstants, to_slots, with_law};
 use super::stable_dt::{DampingTimes, Limits, SAFETY, damping_times, whole_moduli};
 use super::world::{StepError, World};
+use crate::kernel::block::StepConstants;
 use crate::kernel::halo::{HALO_LEN, Halo, gather};
-use crate::kernel::rows::{Bits, StepConstants};
+use crate::kernel::laws::Bits;
 use crate::kernel::tangent::{CellTangents, TangentState, stiffest};
 use crate::lattice::layout::BLOCK_LEN;
 

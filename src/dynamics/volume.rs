@@ -7,7 +7,7 @@
 use super::springs::{Scratch, alike};
 use crate::kernel::dispatch::volume_forces;
 use crate::kernel::halo::{HALO_LEN, Halo, gather};
-use crate::kernel::rows::Absent;
+use crate::kernel::laws::Absent;
 use crate::kernel::volume::{CellPlanes, CellStep, EachCell, SameCells};
 use crate::lattice::build::corners;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};

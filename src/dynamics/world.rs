@@ -1,17 +1,22 @@
 //! The state of a lattice and one step of it.
 
+use std::collections::HashMap;
+
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
 use super::rigid::Bodies;
-use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
+use super::springs::{BlockInput, BlockSprings, block_of};
 use super::stable_dt::Limits;
 use super::volume::{CellScratch, CellVolumes};
+use super::workers::{Worker, Workers};
 use crate::cut::{Crossing, CutSheet, SheetRecorder, Sweep, Tissue, crossings};
 use crate::geometry::{Matrix3, Point3, Vector3};
+use crate::kernel::block::StepConstants;
+use crate::kernel::dispatch::Arithmetic;
 use crate::kernel::halo::gather;
-use crate::kernel::rows::StepConstants;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout, NO_BLOCK};
 use crate::lattice::neighbours::{NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
@@ -19,6 +24,11 @@ use crate::material::{Assembly, RigidKind, SpringConstants};
 
 /// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
 pub(super) const LONGEST_MOVE: f64 = 2.0;
+
+/// Neighbouring blocks that one thread steps in a row, so that it can ask for the next one's state meanwhile.
+const BLOCKS_PER_TASK: usize = 8;
+/// Fields of that state: displacement, old and new velocity, weight.
+const MOST_AHEAD: usize = 10;
 
 /// Why a step could not be finished. The state before it has been handed out; nothing of the bad one is.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -129,19 +139,24 @@ pub struct World {
     /// Step over mass [s/kg]; 0 for held, grabbed and anchored particles and for empty slots. Particles of rigid bodies have
     /// their own mass here if they feel soft tissue, else 0.
     pub(super) dt_over_mass: Vec<f32>,
-    pub(super) claims: Vec<Claims>,
+    /// Of the slots that have any.
+    pub(super) claims: HashMap<u32, Claims>,
     pub(super) drives: Vec<Drive>,
     /// Rigid parts that move; `None` without any, which then cost nothing.
     pub(super) rigid: Option<Box<Bodies>>,
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
+    arithmetic: Arithmetic,
     dt: f64,
     steps: u64,
     /// Time and number of steps when the step was last changed.
     since: (f64, u64),
     /// Largest squared speed of each block in the last step [m^2/s^2].
     pub(super) fastest_squared: Vec<f32>,
+    /// The same while a step is under way.
+    next_fastest: Vec<f32>,
+    workers: Workers,
     /// Where blades went, at rest.
     sheet: SheetRecorder,
 }
@@ -178,15 +193,18 @@ impl World {
             next_velocity,
             alternation,
             dt_over_mass: vec![0.0; layout.slots()],
-            claims: vec![Claims::default(); layout.slots()],
+            claims: HashMap::new(),
             drives: Vec::new(),
             rigid,
             axes,
             gravity: Vector3::zeros(),
+            arithmetic: Arithmetic::default(),
             dt,
             steps: 0,
             since: (0.0, 0),
             fastest_squared: vec![0.0; layout.blocks.len()],
+            next_fastest: vec![0.0; layout.blocks.len()],
+            workers: Workers::default(),
             sheet: SheetRecorder::default(),
             lattice,
             topology,
@@ -269,6 +287,16 @@ impl World {
         StepError::TooStiff { time: self.time(), place: self.lattice.rest_place(particle), limit, most_parts }
     }
 
+    /// How forces are computed.
+    pub fn arithmetic(&self) -> Arithmetic {
+        self.arithmetic
+    }
+
+    /// Computes forces otherwise from the next step on.
+    pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) {
+        self.arithmetic = arithmetic;
+    }
+
     /// Sets the acceleration of every free particle, RAS+ [m/s^2].
     pub fn set_gravity(&mut self, gravity: Vector3) {
         self.gravity = self.to_lattice_axes(gravity);
@@ -336,8 +364,13 @@ impl World {
     pub fn bytes_per_particle(&self) -> f64 {
         let slots = self.layout.slots();
         let fields = if self.springs.damped() { 9 } else { 6 };
-        let state = slots * (4 * (fields + 1) + size_of::<Claims>());
-        let lattice = self.lattice.len() * (4 + 1 + 4 + 4 + 4 + 4) + 4 * self.lattice.particle_at.len();
+        let state = slots * 4 * (fields + 1) + self.claims.len() * size_of::<(u32, Claims)>();
+        // Grid point, organ, springs, slot and mass; a second copy of the springs once one is severed.
+        let severed = if self.topology.severed().is_empty() { 0 } else { 4 };
+        let lattice = self.lattice.len() * (4 + 1 + 4 + 4 + 4 + severed)
+            + 4 * self.lattice.particle_at.len()
+            + self.lattice.cell_organ.len()
+            + 4 * self.lattice.cell_fill.len();
         let constants = match &self.assembly.stiffness {
             SpringConstants::Uniform(_) => 0,
             _ if self.springs.damped() => 8 * self.lattice.len(),
@@ -362,25 +395,41 @@ impl World {
     }
 
     fn step_among_workers(&mut self) -> Result<(), StepError> {
-        let mut fastest = self.kick();
+        self.kick();
         self.load_bodies();
+        // Lent to what changes velocities, and given back whatever happens.
+        let mut fastest = std::mem::take(&mut self.next_fastest);
         self.apply_drives(&mut fastest);
         self.advance_bodies(&mut fastest);
-        self.check(&fastest)?;
-        self.watch_alternation(&fastest)?;
-        self.fastest_squared = fastest;
+        let sound = self.check(&fastest).and_then(|()| self.watch_alternation(&fastest));
+        self.next_fastest = fastest;
+        sound?;
+        std::mem::swap(&mut self.fastest_squared, &mut self.next_fastest);
         self.drift();
         self.settle_bodies();
         self.steps += 1;
         Ok(())
     }
 
-    /// New velocities; returns the largest squared speed of each block.
-    fn kick(&mut self) -> Vec<f32> {
+    /// New velocities, and the largest squared speed of each block.
+    fn kick(&mut self) {
         let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
         let damped = self.springs.damped();
+        let arithmetic = self.arithmetic;
         let rigid = self.rigid.as_deref();
-        let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, cells, .. } = self;
+        self.workers.prepare();
+        let Self {
+            displacement,
+            velocity,
+            next_velocity,
+            next_fastest,
+            dt_over_mass,
+            layout,
+            springs,
+            cells,
+            workers,
+            ..
+        } = self;
         let old_velocity: [&[f32]; 3] = [&[]; 3];
         // With dampers the neighbours' old velocities are read while new ones are written.
         let (old_velocity, [x, y, z]) = if damped {
@@ -388,19 +437,32 @@ impl World {
         } else {
             (old_velocity, velocity.each_mut())
         };
-        let chunks =
-            (x.par_chunks_exact_mut(BLOCK_LEN), y.par_chunks_exact_mut(BLOCK_LEN), z.par_chunks_exact_mut(BLOCK_LEN));
-        let scratch = || (Scratch::new(), cells.as_ref().map(|_| CellScratch::new()));
-        let fastest = chunks
-            .into_par_iter()
-            .enumerate()
-            .map_init(scratch, |(scratch, cell_scratch), (block, (x, y, z))| {
+        const GROUP: usize = BLOCKS_PER_TASK * BLOCK_LEN;
+        let groups = (x.par_chunks_mut(GROUP), y.par_chunks_mut(GROUP), z.par_chunks_mut(GROUP));
+        let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(BLOCKS_PER_TASK));
+        groups.enumerate().for_each(|(group, ((x, y, z), fastest))| {
+            let Worker { scratch, cells: cell_scratch } = &mut *workers.own();
+            let mut rest = [x, y, z];
+            for (place, fastest) in fastest.iter_mut().enumerate() {
+                let block = group * BLOCKS_PER_TASK + place;
+                let mut out = rest.each_mut().map(|rest| {
+                    let (own, after) = std::mem::take(rest).split_at_mut(BLOCK_LEN);
+                    *rest = after;
+                    <&mut [f32; BLOCK_LEN]>::try_from(own).expect("whole blocks")
+                });
+                let mut ahead = ArrayVec::<&[f32; BLOCK_LEN], MOST_AHEAD>::new();
+                if !rest[0].is_empty() {
+                    ahead.extend(rest.iter().map(|rest| block_of(rest, 0)));
+                    ahead.extend(displacement.iter().map(|field| block_of(field, block + 1)));
+                    if damped {
+                        ahead.extend(old_velocity.iter().map(|field| block_of(field, block + 1)));
+                    }
+                    ahead.push(block_of(dt_over_mass, block + 1));
+                }
                 let neighbours = &layout.neighbours[block];
                 for axis in 0..3 {
                     gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
                 }
-                let mut out =
-                    [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
                 if damped {
                     for axis in 0..3 {
                         gather(old_velocity[axis], neighbours, &mut scratch.velocity[axis]);
@@ -410,18 +472,17 @@ impl World {
                 if let Some(rigid) = rigid {
                     rigid.clear_block(block, &mut out);
                 }
-                let force = match (&*cells, cell_scratch) {
-                    (Some(cells), Some(own)) => cells.forces(layout, block, scratch, own),
-                    _ => None,
-                };
-                let input = BlockInput { scratch, cells: force, dt_over_mass: block_of(dt_over_mass, block) };
-                springs.kick(step, layout, block, input, out)
-            })
-            .collect();
+                let force = cells.as_ref().and_then(|cells| {
+                    cells.forces(layout, block, scratch, cell_scratch.get_or_insert_with(CellScratch::new))
+                });
+                let dt_over_mass = block_of(dt_over_mass, block);
+                let input = BlockInput { scratch, cells: force, dt_over_mass, ahead: &ahead };
+                *fastest = springs.kick(arithmetic, step, layout, block, input, out);
+            }
+        });
         if damped {
             std::mem::swap(velocity, next_velocity);
         }
-        fastest
     }
 
     /// Nearly free while everything is slow: one number per block. Otherwise fast blocks are looked at more closely.
@@ -593,7 +654,7 @@ impl World {
 
     /// Brings a slot's weight in line with who claims it.
     pub(super) fn refresh(&mut self, slot: u32) {
-        let claims = self.claims[slot as usize];
+        let claims = self.claims_on(slot);
         // Bodies are held and grabbed as wholes; what is joined to anchored bone moves like it.
         let mut fixed = false;
         if let Some(rigid) = &self.rigid {

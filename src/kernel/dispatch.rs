@@ -1,24 +1,225 @@
-//! The fast bodies compiled for several instruction sets; the best one this machine has is picked at run time.
+//! The fast bodies compiled for several instruction sets, and the choice among them at run time.
+#![allow(unsafe_code)]
+
+use std::hint::black_box;
+use std::str::FromStr;
+use std::sync::OnceLock;
 
 use multiversion::multiversion;
 
+use super::block::{BlockState, StepConstants, Work, kick_block};
 use super::halo::Halo;
-use super::rows::{Alive, BlockState, KnownForce, SpringConstant, StepConstants, kick_block};
+use super::laws::{Living, SpringConstant};
+use super::rows::LANES;
+use super::simd::Vector;
+use super::simd::plain::Plain;
+#[cfg(target_arch = "x86_64")]
+use super::simd::{avx2::Avx2, avx512::Avx512};
 use super::volume::{CellConstant, CellPlanes, CellStep, block_volume_forces};
 use crate::lattice::layout::BLOCK_LEN;
 
-/// [`kick_block`] on the best instruction set of this machine. Same bits on all of them.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
-pub fn kick<K: SpringConstant, C: SpringConstant, A: Alive, F: KnownForce>(
+/// An instruction set the hot loop is compiled for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum InstructionSet {
+    /// What every machine of the architecture has.
+    Baseline,
+    /// AVX2 and FMA.
+    Avx2,
+    /// AVX-512 F, VL, DQ and BW.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// All of them, the fastest last.
+    pub const ALL: [Self; 3] = [Self::Baseline, Self::Avx2, Self::Avx512];
+
+    /// Whether this machine has it.
+    pub fn available(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        {
+            macro_rules! has { ($($feature:tt)*) => { $(std::arch::is_x86_feature_detected!($feature))&&* } }
+            match self {
+                Self::Baseline => true,
+                Self::Avx2 => has!("avx2" "fma"),
+                Self::Avx512 => has!("avx2" "fma" "avx512f" "avx512vl" "avx512dq" "avx512bw"),
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            self == Self::Baseline
+        }
+    }
+
+    /// The fastest one this machine has, or the one named in the environment by `YAWARA_INSTRUCTION_SET`, if it has it.
+    pub fn best() -> Self {
+        static BEST: OnceLock<InstructionSet> = OnceLock::new();
+        *BEST.get_or_init(|| {
+            let asked = std::env::var("YAWARA_INSTRUCTION_SET").ok().and_then(|name| name.parse().ok());
+            let fastest = Self::ALL.into_iter().rfind(|set| set.available()).expect("every machine has the baseline");
+            asked.filter(|set: &Self| set.available()).unwrap_or(fastest)
+        })
+    }
+
+    /// As it is written in commands and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+}
+
+impl FromStr for InstructionSet {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        Self::ALL
+            .into_iter()
+            .find(|set| set.name() == name)
+            .ok_or_else(|| format!("\"{name}\" is not an instruction set; expected baseline, avx2 or avx512"))
+    }
+}
+
+/// How the hot loop computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Arithmetic {
+    /// The instruction set; [`Arithmetic::new`] sees to it that the machine has it.
+    set: InstructionSet,
+    /// Nothing fused, true square roots: the bits are the same on every instruction set.
+    exact: bool,
+}
+
+impl Default for Arithmetic {
+    /// Fast, on the best instruction set.
+    fn default() -> Self {
+        Self { set: InstructionSet::best(), exact: false }
+    }
+}
+
+impl Arithmetic {
+    /// # Panics
+    /// If the machine does not have the instruction set.
+    pub fn new(set: InstructionSet, exact: bool) -> Self {
+        assert!(set.available(), "this machine has no {}", set.name());
+        Self { set, exact }
+    }
+
+    /// The instruction set.
+    pub fn set(self) -> InstructionSet {
+        self.set
+    }
+
+    /// Whether the bits are those of every instruction set.
+    pub fn exact(self) -> bool {
+        self.exact
+    }
+}
+
+/// [`kick_block`] as `arithmetic` says.
+pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
+    arithmetic: Arithmetic,
     step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
-    known: F,
     state: BlockState<'_>,
+    work: &mut Work,
     velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
-    kick_block(step, stiffness, damping, alive, known, state, velocity)
+    let Arithmetic { set, exact } = arithmetic;
+    match set {
+        // SAFETY: an `Arithmetic` is only made with an instruction set that the machine has.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => unsafe { kick_avx512(exact, step, stiffness, damping, alive, state, work, velocity) },
+        // SAFETY: the same.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => unsafe { kick_avx2(exact, step, stiffness, damping, alive, state, work, velocity) },
+        _ if exact => kick_block::<Plain, true, K, C, A>(step, stiffness, damping, alive, state, work, velocity),
+        _ => kick_block::<Plain, false, K, C, A>(step, stiffness, damping, alive, state, work, velocity),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
+fn kick_avx512<K: SpringConstant, C: SpringConstant, A: Living>(
+    exact: bool,
+    step: StepConstants,
+    stiffness: K,
+    damping: C,
+    alive: A,
+    state: BlockState<'_>,
+    work: &mut Work,
+    velocity: [&mut [f32; BLOCK_LEN]; 3],
+) -> f32 {
+    if exact {
+        kick_block::<Avx512, true, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+    } else {
+        kick_block::<Avx512, false, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn kick_avx2<K: SpringConstant, C: SpringConstant, A: Living>(
+    exact: bool,
+    step: StepConstants,
+    stiffness: K,
+    damping: C,
+    alive: A,
+    state: BlockState<'_>,
+    work: &mut Work,
+    velocity: [&mut [f32; BLOCK_LEN]; 3],
+) -> f32 {
+    if exact {
+        kick_block::<Avx2, true, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+    } else {
+        kick_block::<Avx2, false, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+    }
+}
+
+/// Twelve chains of multiplications with addition, `steps` long: what the arithmetic of one thread can reach. Returns their
+/// number, a lane counted as one.
+pub fn multiply_add_chains(set: InstructionSet, steps: usize) -> usize {
+    match set {
+        // SAFETY: asked for below.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 if set.available() => unsafe { chains_avx512(steps) },
+        // SAFETY: the same.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 if set.available() => unsafe { chains_avx2(steps) },
+        _ => chains::<Plain>(steps),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
+fn chains_avx512(steps: usize) -> usize {
+    chains::<Avx512>(steps)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn chains_avx2(steps: usize) -> usize {
+    chains::<Avx2>(steps)
+}
+
+#[inline(always)]
+fn chains<V: Vector>(steps: usize) -> usize {
+    const CHAINS: usize = 12;
+    let factor = V::splat(black_box(0.999));
+    let mut chains = [V::splat(black_box(1.0)); CHAINS];
+    for _ in 0..steps {
+        for chain in &mut chains {
+            *chain = chain.mul_add(factor, factor);
+        }
+    }
+    let mut out = [0.0; LANES];
+    for chain in chains {
+        chain.store(&mut out, 0);
+        black_box(&out);
+    }
+    steps * CHAINS * V::LANES
 }
 
 /// [`block_volume_forces`] on the best instruction set of this machine. Same bits on all of them.
@@ -35,34 +236,13 @@ pub fn volume_forces<M: CellConstant, V: CellConstant>(
     block_volume_forces(step, modulus, viscosity, displacement, velocity, work, force);
 }
 
-/// Name of the instruction set that [`kick`] uses on this machine.
-///
-/// `multiversion` takes AVX-512 only where it does not slow the clock, which it tells by the extensions of Ice Lake.
-pub fn instruction_set() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    {
-        macro_rules! has { ($($feature:tt)*) => { $(std::arch::is_x86_feature_detected!($feature))&&* } }
-        let avx2 = has!("avx2" "fma");
-        let avx512 = has!("avx512f" "avx512vl" "avx512dq" "avx512bw" "avx512cd" "avx512ifma" "avx512vbmi" "avx512vbmi2")
-            && has!("avx512vnni" "avx512bitalg" "avx512vpopcntdq" "gfni" "vaes" "vpclmulqdq");
-        match (avx512, avx2) {
-            (true, true) => "AVX-512",
-            (false, true) => "AVX2",
-            _ => "SSE2",
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        std::env::consts::ARCH
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::halo::Halo;
-    use crate::kernel::rows::{Absent, Bits, Intact, Known, MeanOfEnds, SumOfCells, Uniform};
+    use crate::kernel::halo::{HALO_LEN, HALO_ROW, Halo};
+    use crate::kernel::laws::{Absent, HaloBits, Intact, MeanOfEnds, SumOfCells, Uniform};
     use crate::kernel::volume::{EachCell, SameCells};
+    use crate::lattice::layout::BLOCK;
 
     /// A halo of numbers in `low..high`, told apart by `seed`.
     fn random(seed: u32, low: f32, high: f32) -> Halo {
@@ -73,55 +253,116 @@ mod tests {
         })
     }
 
-    /// The test program is compiled for the baseline; `kick` runs on the best set this machine has.
+    /// Every law on every instruction set this machine has: exact arithmetic bit for bit, fast arithmetic within rounding.
     #[test]
-    fn every_law_gives_the_bits_of_the_baseline() {
+    fn every_law_is_the_same_on_every_instruction_set() {
         let step = StepConstants::new(3e-3, 1e-4, [0.0, 1.0, -9.81]);
         let displacement = [1, 2, 3].map(|seed| random(seed, -3e-4, 3e-4));
         let velocity = [4, 5, 6].map(|seed| random(seed, -0.1, 0.1));
         let (stiffness, damping) = (random(7, 1.0, 9.0), random(8, 1e-3, 2e-3));
-        let weights: [f32; BLOCK_LEN] = random(9, 0.5, 2.0)[..BLOCK_LEN].try_into().unwrap();
+        let weights: [f32; BLOCK_LEN] =
+            random(9, -0.5, 2.0).map(|w| 1e-2 * w.max(0.0))[..BLOCK_LEN].try_into().unwrap();
         let noise = random(10, 0.0, 1.0);
-        let alive: [u32; BLOCK_LEN] = std::array::from_fn(|slot| noise[slot].to_bits());
-        let state =
-            BlockState { displacement: displacement.each_ref(), velocity: velocity.each_ref(), dt_over_mass: &weights };
-        let mut compared = 0;
-        macro_rules! compare { ($($stiffness:expr, $damping:expr, $alive:expr, $known:expr;)*) => { $(
-            let run = |best: bool| {
-                let mut out = [[0.25_f32; BLOCK_LEN]; 3];
-                let fastest = if best {
-                    kick(step, $stiffness, $damping, $alive, $known, state, out.each_mut())
-                } else {
-                    kick_block(step, $stiffness, $damping, $alive, $known, state, out.each_mut())
-                };
-                (fastest.to_bits(), out.map(|axis| axis.map(f32::to_bits)))
-            };
-            assert!(run(true) == run(false), "{} on {}", stringify!($stiffness, $damping, $alive, $known), instruction_set());
-            assert!(run(true).1.iter().flatten().any(|&bits| bits != 0.25_f32.to_bits()), "something moved");
-            compared += 1;
-        )* } }
-        let uniform = Uniform { by_family: [5.0, 4.0, 3.0] };
-        let ends = |particle| MeanOfEnds { particle };
-        let cells = |cell| SumOfCells { cell, weight: [0.16, 0.09, 0.17] };
-        let bits = Bits { alive: &alive };
+        let alive: [u32; HALO_LEN] = noise.map(f32::to_bits);
         let force: [[f32; BLOCK_LEN]; 3] =
             [11, 12, 13].map(|seed| random(seed, -1e-3, 1e-3)[..BLOCK_LEN].try_into().unwrap());
-        let known = Known { force: &force };
+        let mut compared = 0;
+        macro_rules! compare { ($($stiffness:expr, $damping:expr, $alive:expr, $known:expr;)*) => { $(
+            let state = BlockState {
+                displacement: displacement.each_ref(),
+                velocity: velocity.each_ref(),
+                known_force: $known,
+                dt_over_mass: &weights,
+                ahead: &[],
+            };
+            let run = |set, exact| {
+                let mut out = [[0.25_f32; BLOCK_LEN]; 3];
+                let fastest = kick(Arithmetic::new(set, exact), step, $stiffness, $damping, $alive, state, &mut Work::default(), out.each_mut());
+                (fastest, out)
+            };
+            let (fastest, expected) = run(InstructionSet::Baseline, true);
+            assert!(expected.iter().flatten().filter(|&&v| v != 0.25).count() > BLOCK_LEN, "something moved");
+            for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
+                let case = stringify!($stiffness, $damping, $alive, $known);
+                let (fastest_here, exact) = run(set, true);
+                assert!(fastest_here.to_bits() == fastest.to_bits(), "{case} on {set:?}");
+                assert!(exact.map(|axis| axis.map(f32::to_bits)) == expected.map(|axis| axis.map(f32::to_bits)), "{case} on {set:?}");
+                let (fastest_here, fast) = run(set, false);
+                // 26 forces up to 4e-3 N whose lengths are rounded to 1e-7, weighed with up to 0.02.
+                assert!((fastest_here / fastest - 1.0).abs() < 1e-5, "{case} on {set:?}");
+                for (fast, exact) in fast.iter().flatten().zip(exact.iter().flatten()) {
+                    assert!((fast - exact).abs() < 3e-7, "{fast} is not {exact}: {case} on {set:?}");
+                }
+                compared += 1;
+            }
+        )* } }
+        let uniform = Uniform { by_family: [5.0, 4.0, 3.0] };
+        let damper = Uniform { by_family: [5e-3, 4e-3, 3e-3] };
+        let ends = |particle| MeanOfEnds { particle };
+        let cells = |cell| SumOfCells { cell, weight: [0.16, 0.09, 0.17] };
+        let bits = HaloBits { alive: &alive };
+        let known = Some(&force);
         compare! {
-            uniform, Absent, Intact, Absent;
-            uniform, uniform, Intact, Absent;
-            uniform, Absent, bits, Absent;
-            uniform, uniform, bits, Absent;
-            ends(&stiffness), Absent, bits, Absent;
-            ends(&stiffness), ends(&damping), bits, Absent;
-            cells(&stiffness), Absent, bits, Absent;
-            cells(&stiffness), cells(&damping), bits, Absent;
+            uniform, Absent, Intact, None;
+            uniform, damper, Intact, None;
+            uniform, Absent, bits, None;
+            uniform, damper, bits, None;
+            ends(&stiffness), Absent, bits, None;
+            ends(&stiffness), ends(&damping), bits, None;
+            cells(&stiffness), Absent, bits, None;
+            cells(&stiffness), cells(&damping), bits, None;
             uniform, Absent, Intact, known;
-            uniform, uniform, Intact, known;
+            uniform, damper, Intact, known;
             cells(&stiffness), Absent, bits, known;
             cells(&stiffness), cells(&damping), bits, known;
         }
-        assert_eq!(compared, 12);
+        let sets = InstructionSet::ALL.into_iter().filter(|set| set.available()).count();
+        assert_eq!(compared, 12 * sets);
+    }
+
+    /// No force where nothing is strained, wherever the lattice is; a velocity that is not a number is found.
+    #[test]
+    fn rest_is_rest_and_nonsense_is_found() {
+        let step = StepConstants::new(3e-3, 1e-4, [0.0; 3]);
+        let weights = [1.0; BLOCK_LEN];
+        for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
+            for exact in [false, true] {
+                let run = |displacement: [&Halo; 3], start: f32| {
+                    let mut out = [[start; BLOCK_LEN]; 3];
+                    let state = BlockState {
+                        displacement,
+                        velocity: displacement,
+                        known_force: None,
+                        dt_over_mass: &weights,
+                        ahead: &[],
+                    };
+                    let damper = Uniform { by_family: [0.1; 3] };
+                    let arithmetic = Arithmetic::new(set, exact);
+                    let stiffness = Uniform { by_family: [1e6, 2e6, 3e6] };
+                    let fastest =
+                        kick(arithmetic, step, stiffness, damper, Intact, state, &mut Work::default(), out.each_mut());
+                    (fastest, out)
+                };
+                let moved = [[0.123; HALO_LEN], [-4.5; HALO_LEN], [67.8; HALO_LEN]];
+                let (fastest, out) = run(moved.each_ref(), 0.0);
+                assert_eq!(fastest, 0.0, "{set:?}, exact {exact}");
+                assert!(out.iter().flatten().all(|&v| v == 0.0), "{set:?}, exact {exact}");
+                assert_eq!(run(moved.each_ref(), f32::NAN).0, f32::INFINITY);
+                let mut one_wrong = moved;
+                one_wrong[1][HALO_LEN / 2] = f32::NAN;
+                assert_eq!(run(one_wrong.each_ref(), 0.0).0, f32::INFINITY);
+                // All in one point: no direction to pull in, and no force that is not a number.
+                let mut flat = [[0.0; HALO_LEN]; 3];
+                for (place, _) in [0.0; HALO_LEN].iter().enumerate() {
+                    let row = place / HALO_ROW;
+                    let ijk = [place % HALO_ROW, row % (BLOCK[1] + 2), row / (BLOCK[1] + 2)];
+                    for axis in 0..3 {
+                        flat[axis][place] = -(ijk[axis] as f32 * 3e-3);
+                    }
+                }
+                assert!(run(flat.each_ref(), 0.0).0.is_finite(), "{set:?}, exact {exact}");
+            }
+        }
     }
 
     #[test]
@@ -147,7 +388,7 @@ mod tests {
                 }
                 force.map(|axis| axis.map(f32::to_bits))
             };
-            assert!(run(true) == run(false), "{} on {}", stringify!($modulus, $viscosity), instruction_set());
+            assert!(run(true) == run(false), "{}", stringify!($modulus, $viscosity));
             assert!(run(true).iter().flatten().all(|&bits| f32::from_bits(bits).is_finite()));
             compared += 1;
         )* } }

@@ -1,5 +1,7 @@
 //! One block and the layer of grid points around it, copied together so that the hot loop has no borders.
 
+use multiversion::multiversion;
+
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, NO_BLOCK};
 
 /// Values in a row of the halo buffer: a block's row and one neighbour at each end.
@@ -14,24 +16,23 @@ pub type Halo = [f32; HALO_LEN];
 
 /// Start of the halo row at (y, z) of the block, each from -1 to the block's size; lane 0 sits one behind the start.
 #[inline(always)]
-pub fn halo_row(y: isize, z: isize) -> usize {
+pub const fn halo_row(y: isize, z: isize) -> usize {
     ((z + 1) as usize * (BLOCK[1] + 2) + (y + 1) as usize) * HALO_ROW
 }
 
-/// What a missing block reads as.
-static EMPTY: [f32; BLOCK_LEN] = [0.0; BLOCK_LEN];
-
-/// Copies a block and the layer around it. Grid points of missing blocks read 0.
+/// Copies a block and the layer around it. Grid points of missing blocks read as the default, 0.
 ///
 /// - `field`: block order, see [`crate::lattice::layout::BlockLayout`].
 /// - `neighbours`: the 27 blocks around, itself at 13.
 ///
 /// # Panics
 /// If `field` does not hold a block that `neighbours` names.
-pub fn gather(field: &[f32], neighbours: &[u32; 27], halo: &mut Halo) {
-    let rows_of = |block: u32| -> &[[f32; BLOCK[0]]] {
-        let values: &[f32; BLOCK_LEN] = match block {
-            NO_BLOCK => &EMPTY,
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
+pub fn gather<T: Copy + Default>(field: &[T], neighbours: &[u32; 27], halo: &mut [T; HALO_LEN]) {
+    let empty = [T::default(); BLOCK_LEN];
+    let rows_of = |block: u32| -> &[[T; BLOCK[0]]] {
+        let values: &[T; BLOCK_LEN] = match block {
+            NO_BLOCK => &empty,
             block => field[block as usize * BLOCK_LEN..][..BLOCK_LEN].try_into().expect("whole blocks"),
         };
         values.as_chunks().0
@@ -86,7 +87,8 @@ mod tests {
                 for y in -1..=BLOCK[1] as isize {
                     for x in -1..=BLOCK[0] as isize {
                         let at = [x, y, z];
-                        let point = [0, 1, 2].map(|a| corner[a] as isize * BLOCK[a] as isize + at[a]);
+                        let point = [0, 1, 2]
+                            .map(|a| layout.origin[a] as isize + corner[a] as isize * BLOCK[a] as isize + at[a]);
                         let dims = lattice.grid.shape.dims();
                         let inside = (0..3).all(|a| point[a] >= 0 && point[a] < dims[a] as isize);
                         let expected = if inside {

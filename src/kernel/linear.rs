@@ -3,7 +3,8 @@
 use multiversion::multiversion;
 
 use super::halo::{HALO_LEN, Halo, halo_row};
-use super::rows::{Alive, LANES, SpringConstant, column_of, row_of, row_of_block_mut, rows_around};
+use super::laws::{Alive, SpringConstant};
+use super::rows::{LANES, column_of, row_of, row_of_block_mut, rows_around};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
 use crate::lattice::neighbours::{OFFSETS, family};
 

@@ -9,11 +9,15 @@
 //! where that may have changed, and [`alternation`] whether motion looks like that of an unstable step.
 
 pub mod alternation;
+pub mod block;
 pub mod dispatch;
 pub mod halo;
+pub mod laws;
 pub mod linear;
 pub mod parting;
 pub mod reference;
 pub mod rows;
+pub mod simd;
+mod spring;
 pub mod tangent;
 pub mod volume;

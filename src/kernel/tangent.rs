@@ -11,9 +11,9 @@
 use multiversion::multiversion;
 
 use super::halo::{HALO_LEN, Halo, halo_row};
-use super::rows::{
-    Alive, LANES, Lanes, SHORTEST_SQUARED, SpringConstant, column_of, row_of, row_of_block, rows_around,
-};
+use super::laws::{Alive, SpringConstant};
+use super::rows::{LANES, Lanes, column_of, row_of, row_of_block, rows_around};
+use super::spring::SHORTEST_SQUARED;
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
 use crate::lattice::neighbours::{OFFSETS, family};
 

@@ -32,7 +32,8 @@
 //! Source: the mean-gradient form is the B-bar idea of Hughes (1980), which keeps nearly incompressible cubes from locking.
 
 use super::halo::{HALO_ROW, Halo};
-use super::rows::{Absent, LANES, Lanes};
+use super::laws::Absent;
+use super::rows::{LANES, Lanes};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
 
 /// Values in a plane of the halo buffer.

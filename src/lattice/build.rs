@@ -1,5 +1,7 @@
 //! From an organ map to a lattice: which grid points hold a particle, and which springs join them.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::neighbours::{NEIGHBOURS, OFFSETS};
@@ -95,7 +97,7 @@ pub(super) fn lattice_of(
         points.push(point as u32);
     }
     let organ = points.par_iter().map(|&point| organ(point as usize)).collect();
-    let springs = points.par_iter().map(|&point| springs(point as usize)).collect();
+    let springs = Arc::new(points.par_iter().map(|&point| springs(point as usize)).collect());
     let (cell_organ, cell_fill) = (Vec::new(), Vec::new());
     Lattice { grid, pitch: pitch_mm * 1e-3, points, particle_at, organ, springs, cell_organ, cell_fill }
 }

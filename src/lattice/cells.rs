@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(lattice.rest_place(0), crate::geometry::Point3::new(1.0, 1.0, 1.0), "its lowest corner");
         assert_eq!(lattice.organ, [0; 8], "nothing else would draw it");
         let mut families = [0; 3];
-        for bits in &lattice.springs {
+        for bits in lattice.springs.iter() {
             (0..NEIGHBOURS).filter(|d| bits >> d & 1 == 1).for_each(|d| families[family(d) - 1] += 1);
         }
         assert_eq!(families.map(|count| count / 2), [12, 12, 4]);

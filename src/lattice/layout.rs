@@ -22,6 +22,9 @@ pub struct BlockLayout {
     pub neighbours: Vec<[u32; 27]>,
     /// Block coordinates (block index along x, y, z) of each block, ascending with x fastest.
     pub blocks: Vec<[u32; 3]>,
+    /// Grid index of the first grid point of block (0, 0, 0): the smallest of any particle along each axis, so that a body
+    /// as wide as some blocks fills them.
+    pub origin: [usize; 3],
     /// Slot of each particle. Shape `[particles]`.
     pub slot: Vec<u32>,
 }
@@ -33,11 +36,24 @@ impl BlockLayout {
     /// If the lattice would need more than 2^32 slots (about 4 billion grid points).
     pub fn new(lattice: &Lattice) -> Self {
         let shape = lattice.grid.shape;
-        let counts = [0, 1, 2].map(|axis| shape.dims()[axis].div_ceil(BLOCK[axis]));
+        let mut origin = shape.dims();
+        let mut end = [0; 3];
+        for &point in &lattice.points {
+            let ijk = shape.ijk(point as usize);
+            for axis in 0..3 {
+                origin[axis] = origin[axis].min(ijk[axis]);
+                end[axis] = end[axis].max(ijk[axis] + 1);
+            }
+        }
+        let local = |point: u32| {
+            let ijk = shape.ijk(point as usize);
+            [0, 1, 2].map(|axis| ijk[axis] - origin[axis])
+        };
+        let counts = [0, 1, 2].map(|axis| end[axis].saturating_sub(origin[axis]).div_ceil(BLOCK[axis]));
         let table_index = |b: [usize; 3]| (b[2] * counts[1] + b[1]) * counts[0] + b[0];
         let mut table = vec![NO_BLOCK; counts.iter().product()];
         for &point in &lattice.points {
-            let ijk = shape.ijk(point as usize);
+            let ijk = local(point);
             table[table_index([0, 1, 2].map(|axis| ijk[axis] / BLOCK[axis]))] = 0;
         }
         let mut blocks = Vec::new();
@@ -67,12 +83,12 @@ impl BlockLayout {
             .points
             .iter()
             .map(|&point| {
-                let ijk = shape.ijk(point as usize);
+                let ijk = local(point);
                 let block = table[table_index([0, 1, 2].map(|axis| ijk[axis] / BLOCK[axis]))];
                 block * BLOCK_LEN as u32 + slot_in_block([0, 1, 2].map(|axis| ijk[axis] % BLOCK[axis])) as u32
             })
             .collect();
-        Self { neighbours, blocks, slot }
+        Self { neighbours, blocks, origin, slot }
     }
 
     /// Number of slots of an array in block order.
@@ -85,7 +101,7 @@ impl BlockLayout {
         let block = self.blocks[slot / BLOCK_LEN];
         let inside = slot % BLOCK_LEN;
         let local = [inside % BLOCK[0], inside / BLOCK[0] % BLOCK[1], inside / (BLOCK[0] * BLOCK[1])];
-        [0, 1, 2].map(|axis| block[axis] as usize * BLOCK[axis] + local[axis])
+        [0, 1, 2].map(|axis| self.origin[axis] + block[axis] as usize * BLOCK[axis] + local[axis])
     }
 
     /// The particle in a slot, if any.

@@ -12,6 +12,8 @@ mod topology;
 
 pub use topology::{ReplayError, SeveredSpring, Topology};
 
+use std::sync::Arc;
+
 use crate::geometry::{Grid, Point3};
 
 /// Marks a grid point without a particle in [`Lattice::particle_at`].
@@ -36,8 +38,9 @@ pub struct Lattice {
     pub particle_at: Vec<u32>,
     /// Organ of each particle: index into the scene's organs, or [`FRINGE`]. Shape `[particles]`.
     pub organ: Vec<u8>,
-    /// Living springs of each particle at rest, one bit per direction of [`neighbours::OFFSETS`]. Shape `[particles]`.
-    pub springs: Vec<u32>,
+    /// Living springs of each particle at rest, one bit per direction of [`neighbours::OFFSETS`]. Shape `[particles]`;
+    /// shared with every [`Topology`] in which nothing is severed.
+    pub springs: Arc<Vec<u32>>,
     /// Organ of the cell above each particle (the cube towards +x, +y, +z), or [`build::NO_ORGAN`] where there is none.
     /// Shape `[particles]`; empty where the voxels are particles and not cells (model `paper`).
     pub cell_organ: Vec<u8>,

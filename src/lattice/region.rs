@@ -152,7 +152,7 @@ mod tests {
         particle_at.push(NO_PARTICLE);
         let organ = points.iter().map(|point| [0, 0, 1, FRINGE][*point as usize % 4]).collect();
         let (springs, cell_organ, cell_fill) = (vec![0; points.len()], Vec::new(), Vec::new());
-        Lattice { grid, pitch: 0.002, springs, points, particle_at, organ, cell_organ, cell_fill }
+        Lattice { grid, pitch: 0.002, springs: springs.into(), points, particle_at, organ, cell_organ, cell_fill }
     }
 
     fn sphere(center: [f64; 3], radius: f64) -> Region {

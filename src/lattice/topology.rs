@@ -1,5 +1,7 @@
 //! Which springs are alive, and when and where the others were severed.
 
+use std::sync::Arc;
+
 use super::build::corners;
 use super::neighbours::{self, direction_of};
 use super::{Lattice, NO_PARTICLE};
@@ -56,7 +58,7 @@ pub struct ReplayError {
 #[derive(Debug, Clone)]
 pub struct Topology {
     /// Living springs of each particle, one bit per direction; kept symmetric. Shape `[particles]`.
-    alive: Vec<u32>,
+    alive: Arc<Vec<u32>>,
     /// Every severed spring in the order of severing.
     severed: Vec<SeveredSpring>,
 }
@@ -129,8 +131,10 @@ impl Topology {
             return false;
         }
         let other = lattice.neighbour(spring.particle, direction).expect("a living spring has two ends");
-        self.alive[spring.particle as usize] &= !(1 << direction);
-        self.alive[other as usize] &= !(1 << neighbours::opposite(direction));
+        // Copied from the lattice at the first cut.
+        let alive = Arc::make_mut(&mut self.alive);
+        alive[spring.particle as usize] &= !(1 << direction);
+        alive[other as usize] &= !(1 << neighbours::opposite(direction));
         self.severed.push(spring);
         true
     }

@@ -403,8 +403,16 @@ fn read_lattice(folder: &Path, manifest: &Manifest) -> Result<Lattice, ReadRunEr
     } else {
         (Vec::new(), Vec::new())
     };
-    let lattice =
-        Lattice { grid: Grid { shape, affine }, pitch, points, particle_at, organ, springs, cell_organ, cell_fill };
+    let lattice = Lattice {
+        grid: Grid { shape, affine },
+        pitch,
+        points,
+        particle_at,
+        organ,
+        springs: springs.into(),
+        cell_organ,
+        cell_fill,
+    };
     check_cells(&lattice).map_err(|(name, message)| inconsistent(name, message))?;
     for particle in 0..lattice.len() as u32 {
         let bits = lattice.springs[particle as usize];

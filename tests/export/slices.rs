@@ -146,7 +146,16 @@ fn block(turn: Matrix3, shape: GridShape) -> Lattice {
     let points: Vec<u32> = (0..shape.len() as u32).collect();
     let (cell_organ, cell_fill) = (Vec::new(), Vec::new());
     let organ = vec![0; shape.len()];
-    Lattice { grid, pitch: 1.5e-3, particle_at: points.clone(), points, organ, springs, cell_organ, cell_fill }
+    Lattice {
+        grid,
+        pitch: 1.5e-3,
+        particle_at: points.clone(),
+        points,
+        organ,
+        springs: springs.into(),
+        cell_organ,
+        cell_fill,
+    }
 }
 
 fn raster_around(lattice: &Lattice, axis: SliceAxis, at_mm: f64) -> Raster {

@@ -35,7 +35,16 @@ pub(crate) fn lattice_on(grid: Grid, mask: impl Fn([usize; 3]) -> bool) -> Latti
         .collect();
     let pitch = grid.affine.spacing()[0] * 1e-3;
     let organ = vec![0; points.len()];
-    Lattice { grid, pitch, points, particle_at, organ, springs, cell_organ: Vec::new(), cell_fill: Vec::new() }
+    Lattice {
+        grid,
+        pitch,
+        points,
+        particle_at,
+        organ,
+        springs: springs.into(),
+        cell_organ: Vec::new(),
+        cell_fill: Vec::new(),
+    }
 }
 
 /// Axes along x, y, z with a pitch of 1 mm and the origin at 0.

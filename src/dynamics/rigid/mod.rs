@@ -249,10 +249,7 @@ impl World {
     /// After claims have changed: which bodies are held. A held body stops at once.
     pub(super) fn hold_bodies(&mut self) {
         for number in 0..self.rigid_bodies().len() {
-            let held = self.rigid_bodies()[number]
-                .particles()
-                .iter()
-                .any(|&p| self.claims[self.layout.slot[p as usize] as usize].holds > 0);
+            let held = self.rigid_bodies()[number].particles().iter().any(|&p| self.is_held(p));
             let body = &mut self.rigid.as_mut().expect("there are bodies").bodies[number];
             if held && !std::mem::replace(&mut body.load.held, held) {
                 body.set_motion(Vector3::zeros(), Vector3::zeros());
