@@ -74,7 +74,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "disk_mb_at_most": disk_bytes * 1e-6,
         "threads": rayon::current_num_threads(),
     });
-    let mut world = prepared.into_world(scene.gravity);
+    let mut world = prepared.into_world(&scene);
     let bytes = world.bytes_per_particle();
     facts["bytes_per_particle"] = json!(bytes);
     facts["memory_mb"] = json!(bytes * particles as f64 * 1e-6);
@@ -108,6 +108,7 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
         "dampers": assembly.damping.is_some(),
         "volume_term": assembly.volume.is_some(),
         "gravity_m_per_s2": scene.gravity,
+        "drag_per_s": scene.drag,
         "rigid_organs": scene.organs.iter().filter(|organ| matches!(organ.body, Body::Rigid { .. })).count(),
         "operations": kinds,
     })
@@ -241,6 +242,7 @@ fn effects_text(effects: &Value) -> String {
     let gravity: f64 =
         effects["gravity_m_per_s2"].as_array().into_iter().flatten().filter_map(Value::as_f64).map(|g| g * g).sum();
     found.extend((gravity > 0.0).then(|| format!("gravity {} m/s^2", digits(gravity.sqrt(), 4))));
+    found.extend(effects["drag_per_s"].as_f64().map(|rate| format!("drag {} /s", digits(rate, 4))));
     let times = |count: u64, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
     for (kind, count) in effects["operations"].as_object().into_iter().flatten() {
         let one = if kind == "fix" { "fixed region" } else { kind.as_str() };

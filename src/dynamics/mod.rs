@@ -7,6 +7,7 @@
 
 mod alternation;
 mod drive;
+mod effects;
 pub mod measure;
 mod parting;
 pub mod reference_world;

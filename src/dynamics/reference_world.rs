@@ -1,12 +1,13 @@
 //! The moving lattice once more, plainly and in f64: what [`World`] is judged by.
 //!
 //! Symplectic Euler over [`crate::kernel::reference`], with the meaning of [`World::step`] for free particles, held
-//! and grabbed ones and gravity, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
+//! and grabbed ones, gravity and drag, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
 //! times slower, and right to f64 rounding.
 //!
 //! Not covered: forces and rigid bodies that move; anchored rigid particles stay where they are.
 
 use super::alternation::{AlternationWatch, alternates};
+use super::effects::Drag;
 use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
 use crate::geometry::Vector3;
 use crate::kernel::alternation::Alternation;
@@ -26,6 +27,7 @@ pub struct ReferenceWorld {
     held: Vec<bool>,
     grabbed: Option<Grabbed>,
     gravity: Vector3,
+    drag: Option<Drag>,
     dt: f64,
     time: f64,
     steps: u64,
@@ -41,7 +43,7 @@ struct Grabbed {
 }
 
 impl ReferenceWorld {
-    /// The twin of a world: its present state, cuts, gravity and step; particles that are held in it when it is made stay
+    /// The twin of a world: its present state, cuts, gravity, drag and step; particles that are held in it when it is made stay
     /// held.
     pub fn of(world: &World) -> Self {
         let all = || 0..world.lattice().len() as u32;
@@ -54,6 +56,7 @@ impl ReferenceWorld {
             held: all().map(|p| world.mass()[p as usize] == 0.0 || world.is_held(p)).collect(),
             grabbed: None,
             gravity: world.gravity,
+            drag: world.drag,
             dt: world.dt(),
             time: world.time(),
             steps: world.steps(),
@@ -123,12 +126,13 @@ impl ReferenceWorld {
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let before = self.velocity.clone();
+        let kept = self.drag.map_or(1.0, |drag| drag.kept(self.dt));
         for (p, (spring, cell)) in springs.into_iter().zip(cells).enumerate() {
             self.velocity[p] = if self.held[p] {
                 Vector3::zeros()
             } else {
                 let acceleration = (spring + cell) / f64::from(self.assembly.mass[p]) + self.gravity;
-                self.velocity[p] + self.dt * acceleration
+                (self.velocity[p] + self.dt * acceleration) * kept
             };
         }
         if let Some(Grabbed { particles, start, offset }) = &self.grabbed {

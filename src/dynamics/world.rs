@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
+use super::effects::Drag;
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
 use super::stable_dt::Limits;
@@ -136,6 +137,8 @@ pub struct World {
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
+    /// `None` without drag.
+    pub(super) drag: Option<Drag>,
     dt: f64,
     steps: u64,
     /// Time and number of steps when the step was last changed.
@@ -183,6 +186,7 @@ impl World {
             rigid,
             axes,
             gravity: Vector3::zeros(),
+            drag: None,
             dt,
             steps: 0,
             since: (0.0, 0),
@@ -365,6 +369,7 @@ impl World {
         let mut fastest = self.kick();
         self.load_bodies();
         self.apply_drives(&mut fastest);
+        self.apply_drag(&mut fastest);
         self.advance_bodies(&mut fastest);
         self.check(&fastest)?;
         self.watch_alternation(&fastest)?;

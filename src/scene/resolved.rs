@@ -29,6 +29,9 @@ pub struct Scene {
     /// Acceleration of every particle that is free to move, RAS+ [m/s^2].
     #[serde(rename = "gravity_m_per_s2")]
     pub gravity: Vector3,
+    /// Velocities that are free die down like `exp(-drag t)` besides what forces do [1/s]; `None` without drag.
+    #[serde(rename = "drag_per_s", default)]
+    pub drag: Option<f64>,
     /// What happens when, by ascending [`Operation::from`]; at the same time in the order of the scene's text.
     pub operations: Vec<Operation>,
 }
@@ -349,6 +352,7 @@ mod tests {
             ],
             time: TimeSpec { duration: 0.4, frames: 40, dt: None },
             gravity: Vector3::new(0.0, 0.0, -9.81),
+            drag: Some(0.3),
             operations: actions
                 .into_iter()
                 .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY])

@@ -37,6 +37,9 @@ pub(super) struct SceneFile {
     /// Gravity. Default: none, for a CT shows organs that already hang in it.
     #[serde(default, deserialize_with = "some_table")]
     pub(super) gravity: Option<Gravity>,
+    /// Drag that slows all free motion. Default: none.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) drag: Option<Drag>,
     /// Regions held where they are, each in its own `[[fix]]` table. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) fix: Vec<Fix>,
@@ -207,6 +210,17 @@ pub(super) struct Gravity {
     /// Acceleration of every particle that is free to move, RAS+ [m/s^2]. On the back, as in most CT scans, down is -y.
     /// Example: `acceleration = [0, -9.81, 0]`.
     pub(super) acceleration: Triple,
+}
+
+/// Drag in proportion to mass.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Drag {
+    /// Velocities of all that is free to move, soft tissue and rigid bodies, die down like exp(-rate t) besides what forces
+    /// do to them [1/s], above 0. A fall ends at gravity over rate; a rest shape stays what it is and is reached
+    /// soonest with twice the angular frequency of the slowest swing. Example: `rate = 2.0`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) rate: f64,
 }
 
 /// A region held where it is.

@@ -1,0 +1,6 @@
+//! What acts on a world besides springs, cells, gravity and drives: one file per effect. What a scene does not name costs
+//! nothing.
+
+mod drag;
+
+pub(super) use drag::Drag;
