@@ -107,6 +107,7 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
         "springs": springs,
         "dampers": assembly.damping.is_some(),
         "volume_term": assembly.volume.is_some(),
+        "fibrous_organs": scene.organs.iter().filter(|organ| organ.fibres.is_some()).count(),
         "gravity_m_per_s2": scene.gravity,
         "drag_per_s": scene.drag,
         "rigid_organs": scene.organs.iter().filter(|organ| matches!(organ.body, Body::Rigid { .. })).count(),
@@ -122,6 +123,7 @@ fn of_organ(number: u8, organ: &Organ, prepared: &Prepared) -> Value {
         "name": organ.name,
         "particles": particles,
         "body": organ.body,
+        "fibres": organ.fibres,
         "solid": Value::Null,
         "spread": { "youngs_modulus_pa": of_spread(youngs_modulus), "density_kg_per_m3": of_spread(density) },
     });
@@ -248,6 +250,8 @@ fn effects_text(effects: &Value) -> String {
         let one = if kind == "fix" { "fixed region" } else { kind.as_str() };
         found.push(times(count.as_u64().unwrap_or(0), one));
     }
+    let fibrous = effects["fibrous_organs"].as_u64().unwrap_or(0);
+    found.extend((fibrous > 0).then(|| times(fibrous, "fibrous organ")));
     let rigid = effects["rigid_organs"].as_u64().unwrap_or(0);
     found.extend((rigid > 0).then(|| times(rigid, "rigid organ")));
     found.join(", ")
@@ -312,6 +316,15 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
         if !organ["solid"].is_null() {
             lines.push(format!("{name}: the figures above are those at one particle inside"));
         }
+    }
+    for organ in organs.iter().filter(|organ| !organ["fibres"].is_null()) {
+        let direction = organ["fibres"]["direction"].as_array().into_iter().flatten().map(cell);
+        lines.push(format!(
+            "{}: fibres along [{}] add {} Pa to E where it is drawn out along them; the figures above are without",
+            organ["name"].as_str().unwrap_or_default(),
+            direction.collect::<Vec<_>>().join(", "),
+            cell(&organ["fibres"]["modulus_pa"])
+        ));
     }
     for organ in organs.iter().filter(|organ| !isotropic(organ)) {
         let solid = &organ["solid"];

@@ -11,7 +11,7 @@ use super::effects::Drag;
 use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
 use crate::geometry::Vector3;
 use crate::kernel::alternation::Alternation;
-use crate::kernel::reference::{cell_volume_energy, spring_forces, volume_forces};
+use crate::kernel::reference::{cell_fibre_energy, cell_volume_energy, fibre_forces, spring_forces, volume_forces};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::Assembly;
@@ -125,13 +125,14 @@ impl ReferenceWorld {
         let Self { lattice, topology, assembly, displacement, velocity, dt, .. } = &*self;
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
+        let fibres = fibre_forces(lattice, topology, assembly, displacement);
         let before = self.velocity.clone();
         let kept = self.drag.map_or(1.0, |drag| drag.kept(self.dt));
-        for (p, (spring, cell)) in springs.into_iter().zip(cells).enumerate() {
+        for (p, ((spring, cell), fibre)) in springs.into_iter().zip(cells).zip(fibres).enumerate() {
             self.velocity[p] = if self.held[p] {
                 Vector3::zeros()
             } else {
-                let acceleration = (spring + cell) / f64::from(self.assembly.mass[p]) + self.gravity;
+                let acceleration = (spring + cell + fibre) / f64::from(self.assembly.mass[p]) + self.gravity;
                 (self.velocity[p] + self.dt * acceleration) * kept
             };
         }
@@ -242,7 +243,8 @@ pub fn step_energy(
     let forces = |velocity: &[Vector3]| -> Vec<Vector3> {
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, dt);
-        springs.iter().zip(&cells).map(|(spring, cell)| spring + cell).collect()
+        let fibres = fibre_forces(lattice, topology, assembly, displacement);
+        springs.iter().zip(&cells).zip(&fibres).map(|((spring, cell), fibre)| spring + cell + fibre).collect()
     };
     let elastic = forces(&vec![Vector3::zeros(); lattice.len()]);
     let damped = assembly.damping.is_some();
@@ -259,6 +261,9 @@ pub fn step_energy(
         }
         if let Some(term) = &assembly.volume {
             energy += cell_volume_energy(lattice, topology, term, particle, |p| displacement[p as usize]);
+        }
+        if let Some(term) = &assembly.fibres {
+            energy += cell_fibre_energy(lattice, topology, term, particle, |p| displacement[p as usize]);
         }
         energy += 0.5 * f64::from(assembly.mass[p]) * v.norm_squared();
         energy += 0.25 * dt * v.dot(&(elastic[p] + all[p]));

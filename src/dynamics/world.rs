@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
 use super::effects::Drag;
+use super::effects::fibres::{CellFibres, FibreScratch};
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
 use super::stable_dt::Limits;
@@ -118,6 +119,8 @@ pub struct World {
     pub(super) springs: BlockSprings,
     /// `None` when no cell has a volume term: then nothing is stored, loaded or computed for it.
     cells: Option<CellVolumes>,
+    /// `None` when no cell has fibres: the same.
+    fibres: Option<Box<CellFibres>>,
     /// Displacement x, y, z of each slot [m].
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
@@ -156,7 +159,7 @@ impl World {
     ///
     /// # Panics
     /// If the assembly is not the lattice's, `dt` is not positive, or a free rigid particle has no mass; if cells have a
-    /// volume term although the springs are not sums over cells, or its viscosity comes without damped springs (old
+    /// volume term or fibres although the springs are not sums over cells, or its viscosity comes without damped springs (old
     /// velocities are kept only for these).
     pub fn new(lattice: Lattice, assembly: Assembly, dt: f64) -> Self {
         assert_eq!(assembly.mass.len(), lattice.len(), "one mass per particle");
@@ -164,8 +167,12 @@ impl World {
         let layout = BlockLayout::new(&lattice);
         let topology = Topology::new(&lattice);
         let springs = BlockSprings::new(&layout, &assembly, topology.alive());
+        let by_cells = matches!(assembly.stiffness, SpringConstants::SumOfCells { .. });
+        let fibres = assembly.fibres.as_ref().map(|term| {
+            assert!(by_cells, "only springs that are sums over cells are joined by fibres");
+            Box::new(CellFibres::new(&lattice, &layout, &topology, term, dt))
+        });
         let cells = assembly.volume.as_ref().map(|term| {
-            let by_cells = matches!(assembly.stiffness, SpringConstants::SumOfCells { .. });
             assert!(by_cells, "only springs that are sums over cells are joined by a volume term");
             assert!(term.viscosity.is_none() || springs.damped(), "a volume term with viscosity needs damped springs");
             CellVolumes::new(&lattice, &layout, &topology, term, dt)
@@ -198,6 +205,7 @@ impl World {
             layout,
             springs,
             cells,
+            fibres,
         };
         for particle in 0..world.lattice.len() {
             world.refresh(world.layout.slot[particle]);
@@ -254,6 +262,9 @@ impl World {
         self.dt = dt;
         if let Some(cells) = &mut self.cells {
             cells.set_dt(self.lattice.pitch, dt);
+        }
+        if let Some(fibres) = &mut self.fibres {
+            fibres.set_dt(self.lattice.pitch, dt);
         }
         for (particle, &slot) in self.layout.slot.iter().enumerate() {
             let weight = &mut self.dt_over_mass[slot as usize];
@@ -352,7 +363,8 @@ impl World {
         let assembled = self.assembly.volume.as_ref();
         let assembled = assembled.map_or(0, |term| term.modulus.len() + term.viscosity.as_ref().map_or(0, Vec::len));
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
-        (state + self.springs.bytes() + cells + lattice + constants + rigid) as f64 / self.lattice.len() as f64
+        let fibres = self.fibres.as_ref().map_or(0, |fibres| fibres.bytes() + 12 * self.lattice.len());
+        (state + self.springs.bytes() + cells + fibres + lattice + constants + rigid) as f64 / self.lattice.len() as f64
     }
 
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
@@ -385,7 +397,7 @@ impl World {
         let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
         let damped = self.springs.damped();
         let rigid = self.rigid.as_deref();
-        let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, cells, .. } = self;
+        let Self { displacement, velocity, next_velocity, dt_over_mass, layout, springs, cells, fibres, .. } = self;
         let old_velocity: [&[f32]; 3] = [&[]; 3];
         // With dampers the neighbours' old velocities are read while new ones are written.
         let (old_velocity, [x, y, z]) = if damped {
@@ -395,11 +407,14 @@ impl World {
         };
         let chunks =
             (x.par_chunks_exact_mut(BLOCK_LEN), y.par_chunks_exact_mut(BLOCK_LEN), z.par_chunks_exact_mut(BLOCK_LEN));
-        let scratch = || (Scratch::new(), cells.as_ref().map(|_| CellScratch::new()));
+        let scratch = || {
+            let of_cells = (cells.is_some() || fibres.is_some()).then(CellScratch::new);
+            (Scratch::new(), of_cells, fibres.as_ref().map(|_| FibreScratch::new()))
+        };
         let fastest = chunks
             .into_par_iter()
             .enumerate()
-            .map_init(scratch, |(scratch, cell_scratch), (block, (x, y, z))| {
+            .map_init(scratch, |(scratch, cell_scratch, fibre_scratch), (block, (x, y, z))| {
                 let neighbours = &layout.neighbours[block];
                 for axis in 0..3 {
                     gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
@@ -415,8 +430,11 @@ impl World {
                 if let Some(rigid) = rigid {
                     rigid.clear_block(block, &mut out);
                 }
-                let force = match (&*cells, cell_scratch) {
-                    (Some(cells), Some(own)) => cells.forces(layout, block, scratch, own),
+                let force = match (&*fibres, &*cells, cell_scratch, fibre_scratch) {
+                    (Some(fibres), cells, Some(own), Some(halos)) => {
+                        fibres.forces(cells.as_ref(), layout, block, scratch, own, halos)
+                    }
+                    (None, Some(cells), Some(own), _) => cells.forces(layout, block, scratch, own),
                     _ => None,
                 };
                 let input = BlockInput { scratch, cells: force, dt_over_mass: block_of(dt_over_mass, block) };
@@ -562,6 +580,11 @@ impl World {
                         cells.drop_cell(&self.lattice, &self.layout, cell);
                     }
                 }
+                if let Some(fibres) = &mut self.fibres {
+                    for cell in self.lattice.cells_of_spring(spring.particle, direction) {
+                        fibres.drop_cell(&self.lattice, &self.layout, cell);
+                    }
+                }
                 count += 1;
                 if let Some(parts) = &self.assembly.rigid {
                     let ends = [spring.particle, far];
@@ -583,6 +606,9 @@ impl World {
         self.springs.forget_alike_blocks();
         if let Some(cells) = &mut self.cells {
             cells.forget_alike_blocks();
+        }
+        if let Some(fibres) = &mut self.fibres {
+            fibres.forget_alike_blocks();
         }
     }
 

@@ -262,6 +262,8 @@ fn what_to_write(key: &str) -> &'static str {
         "of" => "name the fix, pull or push that ends, such as of = \"pull 1\"",
         "at" => "say when, such as at = 0.3 (s)",
         "acceleration" => "write acceleration = [0, 0, -9.81] (m/s2)",
+        "direction" => "write direction = [0, 0, 1] (RAS+)",
+        "modulus" => "write modulus = 2e4 (Pa)",
         "rate" => "write rate = 2.0 (1/s)",
         "radius" => "give it in mm, such as radius = 12",
         _ => "write [x, y, z] in mm, such as [10, -40, 0]",

@@ -102,12 +102,26 @@ pub struct Organ {
     pub voxels: VoxelSelection,
     /// What it is made of.
     pub body: Body,
+    /// Fibres that stiffen it along their direction; `None` without, and for all but deformable tissue.
+    #[serde(default)]
+    pub fibres: Option<Fibres>,
     /// Linear RGB in 0..=1.
     #[serde(rename = "color_linear_rgb")]
     pub color: [f32; 3],
     /// How its CT numbers become colours; `None` for the colours of its tissue over a window found in the CT.
     #[serde(default)]
     pub look: Option<Look>,
+}
+
+/// Fibres of one direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fibres {
+    /// Unit vector along them at rest, RAS+.
+    pub direction: Vector3,
+    /// What they add to Young's modulus along them [Pa].
+    #[serde(rename = "modulus_pa")]
+    pub modulus: f64,
 }
 
 /// How CT numbers become colours.
@@ -325,7 +339,7 @@ mod tests {
         let measured = tissue(file("/data/e.nii.gz"), map([900.0, 1e3 / 0.9]), Damping::Viscosity(0.0));
         let labels = |label| VoxelSelection::Labels(vec![label]);
         let color = [0.1, 0.2, 1.0 / 3.0];
-        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color, look: None };
+        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, fibres: None, color, look: None };
         let colors = Look::Colors(vec![LookColor { hu: -0.1, color }, LookColor { hu: 1e3 / 3.0, color }]);
         let actions = [
             Action::Fix { region: region.clone() },
@@ -347,7 +361,10 @@ mod tests {
                     look: Some(colors),
                     ..organ("d", labels(8), Body::Rigid { density: Some(Property::Constant(1920.0)) })
                 },
-                organ("e", labels(9), mapped),
+                Organ {
+                    fibres: Some(Fibres { direction: Vector3::new(0.6, 0.0, 0.8), modulus: 1e5 / 3.0 }),
+                    ..organ("e", labels(9), mapped)
+                },
                 organ("f", labels(10), measured),
             ],
             time: TimeSpec { duration: 0.4, frames: 40, dt: None },
@@ -390,6 +407,8 @@ mod tests {
         assert_eq!(value["organs"][2]["look"]["window_hu"][0], -0.1_f32);
         assert_eq!(value["organs"][3]["look"]["colors"][1]["color_linear_rgb"][0], 0.1_f32);
         assert_eq!(value["organs"][0]["voxels"]["labels"][1], 65535);
+        assert_eq!(value["organs"][4]["fibres"]["modulus_pa"], 1e5 / 3.0);
+        assert_eq!(value["drag_per_s"], 0.3);
         assert!(value["operations"][0]["until_s"].is_null());
         let region = &value["operations"][0]["action"]["fix"]["region"];
         assert_eq!(region["any"][0]["sphere"]["center_mm"][0], 0.1 + 0.2);

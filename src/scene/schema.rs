@@ -96,7 +96,7 @@ pub(super) struct Lattice {
 /// One organ: which voxels, and what it is made of.
 ///
 /// Model "tissue" takes a `material` by name, or the numbers `youngs_modulus`, `poissons_ratio`, `density` and one of
-/// `damping_ratio` and `viscosity`; a number given beside a material replaces that of the material. Model "paper" takes
+/// `damping_ratio` and `viscosity`, and `fibres`; a number given beside a material replaces that of the material. Model "paper" takes
 /// `stiffness`, `damping` and `mass`. An organ with `rigid = true` takes none of them but `density`, or the density of a
 /// `material`.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -148,6 +148,10 @@ pub(super) struct Organ {
     /// `damping_ratio` holds. Example: `viscosity = 5`.
     #[schemars(extend("minimum" = 0))]
     pub(super) viscosity: Option<f64>,
+    /// Fibres of one direction that stiffen the organ when it is drawn out along them; model "tissue" only. Default: none.
+    /// Example: `fibres = { direction = [0, 0, 1], modulus = 2e4 }`.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) fibres: Option<Fibres>,
     /// Spring constant [N/m], above 0; model "paper" only, no default. Example: `stiffness = 10`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) stiffness: Option<f64>,
@@ -168,6 +172,19 @@ pub(super) struct Organ {
     /// `look = { colors = [[-100, "#e3c878"], [50, "#8c3b2e"], [180, "#f2b49c"]] }`.
     #[serde(default, deserialize_with = "some_table")]
     pub(super) look: Option<Look>,
+}
+
+/// Fibres of one direction. Pulled along them, the organ has the Young's modulus `youngs_modulus` + `modulus`; pressed, or
+/// pulled across them, it is as without: they buckle.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Fibres {
+    /// Their direction at rest, RAS+; its length does not matter. Example: `direction = [0, 0, 1]`.
+    pub(super) direction: Triple,
+    /// What they add to Young's modulus along them [Pa], above 0; the stable step becomes shorter as with a stiffer organ.
+    /// They do not damp. Example: `modulus = 2e4`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) modulus: f64,
 }
 
 /// How CT numbers become colours: one of these keys.

@@ -7,3 +7,4 @@ mod parts;
 mod support;
 
 mod drag;
+mod fibres;

@@ -2,5 +2,6 @@
 //! nothing.
 
 mod drag;
+pub(super) mod fibres;
 
 pub(super) use drag::Drag;
