@@ -262,11 +262,14 @@ impl StepControl {
         if let Some(values) = &self.modulus {
             gather(values, neighbours, modulus);
         }
-        let fibres = self.fibres.as_ref().map(|root| {
-            let halos = fibres.get_or_insert_with(|| Box::new([[0.0; HALO_LEN]; 3]));
-            root.iter().zip(halos.iter_mut()).for_each(|(values, halo)| gather(values, neighbours, halo));
-            halos.each_ref()
-        });
+        let fibres = match &self.fibres {
+            None => None,
+            Some(root) => {
+                let halos = fibres.get_or_insert_with(|| Box::new([[0.0; HALO_LEN]; 3]));
+                root.iter().zip(halos.iter_mut()).for_each(|(values, halo)| gather(values, neighbours, halo));
+                Some(halos.each_ref())
+            }
+        };
         let step = StepConstants::new(world.lattice().pitch, world.dt(), [0.0; 3]);
         let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
         let state = TangentState {

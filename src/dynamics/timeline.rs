@@ -4,6 +4,7 @@
 //! blade is already where it is to be at its end, so it runs one step ahead of the tissue it meets.
 
 use super::drive::Handle;
+use super::effects::pressure::{Face, boundary_faces};
 use super::world::{Moment, World};
 use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
@@ -18,6 +19,20 @@ const TEST_INTERVAL: f64 = 0.125;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TimelineError {
+    /// A region of a pressure holds no face.
+    #[error(
+        "`{operation}`: its region selects no face; faces are pressed where cells of model \"tissue\" border on nothing, and the \
+         organs span ({:.1}, {:.1}, {:.1}) to ({:.1}, {:.1}, {:.1}) mm (RAS+): move or enlarge the region",
+        min.x, min.y, min.z, max.x, max.y, max.z
+    )]
+    NoFace {
+        /// Name of the operation.
+        operation: String,
+        /// Lowest coordinates of any particle at rest, RAS+ [mm].
+        min: Point3,
+        /// Highest coordinates of any particle at rest, RAS+ [mm].
+        max: Point3,
+    },
     /// A region holds no particle.
     #[error(
         "`{operation}`: its region selects no particle; the organs span ({:.1}, {:.1}, {:.1}) to ({:.1}, {:.1}, {:.1}) mm \
@@ -48,7 +63,7 @@ pub struct Event {
 /// What happened to an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
-    /// It began, on this many particles (0 for a cut).
+    /// It began, on this many particles (faces for a pressure, 0 for a cut).
     Began(usize),
     /// It ended, or the run did.
     Ended,
@@ -68,6 +83,8 @@ pub struct Timeline {
 struct Entry {
     operation: Operation,
     particles: Vec<u32>,
+    /// Of a pressure.
+    faces: Vec<Face>,
     state: State,
 }
 
@@ -101,6 +118,7 @@ impl Timeline {
         let entries = operations
             .iter()
             .map(|operation| {
+                let mut pressed = Vec::new();
                 let particles = match &operation.action {
                     Action::Fix { region } | Action::Force { region, .. } | Action::Grab { region, .. } => {
                         let particles = region.select(lattice);
@@ -110,9 +128,17 @@ impl Timeline {
                         }
                         particles
                     }
+                    Action::Pressure { region, .. } => {
+                        pressed = boundary_faces(lattice, region);
+                        if pressed.is_empty() {
+                            let (min, max) = extent(lattice);
+                            return Err(TimelineError::NoFace { operation: operation.name.clone(), min, max });
+                        }
+                        Vec::new()
+                    }
                     Action::Cut { .. } => Vec::new(),
                 };
-                Ok(Entry { operation: operation.clone(), particles, state: State::Waiting })
+                Ok(Entry { operation: operation.clone(), particles, faces: pressed, state: State::Waiting })
             })
             .collect::<Result<_, _>>()?;
         Ok(Self { entries })
@@ -161,6 +187,7 @@ impl Entry {
             self.state = match &self.operation.action {
                 Action::Fix { .. } => State::Acting(world.hold(&self.particles)),
                 Action::Force { .. } => State::Acting(world.push(&self.particles)),
+                Action::Pressure { .. } => State::Acting(world.press(&self.faces)),
                 Action::Grab { .. } => State::Acting(world.grab(&self.particles)),
                 Action::Cut { blade, path } => State::Cutting(Cutting {
                     blade: blade_in_lattice(world.lattice(), blade, path),
@@ -170,7 +197,7 @@ impl Entry {
                     severed: 0,
                 }),
             };
-            report(What::Began(self.particles.len()));
+            report(What::Began(self.particles.len() + self.faces.len()));
         }
 
         match (&mut self.state, &self.operation.action) {
@@ -180,8 +207,10 @@ impl Entry {
                 self.state = State::Done;
             }
             (State::Acting(handle), Action::Force { force, ramp, .. }) => {
-                let share = if *ramp > 0.0 { ((now - from) / ramp).clamp(0.0, 1.0) } else { 1.0 };
-                world.set_force(*handle, force * share);
+                world.set_force(*handle, force * ramped(now - from, *ramp));
+            }
+            (State::Acting(handle), Action::Pressure { pressure, ramp, .. }) => {
+                world.set_pressure(*handle, pressure * ramped(now - from, *ramp));
             }
             (State::Acting(handle), Action::Grab { path, arrive, .. }) => {
                 world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));
@@ -222,6 +251,11 @@ impl Cutting {
         self.before = Some(world.moment());
         self.moved = 0.0;
     }
+}
+
+/// Share of a load that grows from zero over a time [s].
+fn ramped(since: f64, ramp: f64) -> f64 {
+    if ramp > 0.0 { (since / ramp).clamp(0.0, 1.0) } else { 1.0 }
 }
 
 /// The point at a share (0..=1) of the length of a polyline.

@@ -94,22 +94,21 @@ pub(super) fn pull(g: &[[f32; 3]; 3], b: [f32; 3]) -> [f32; 3] {
     let share = change / ((length + rest_squared.sqrt()) * length);
     // A cell that is not whole can have a corner anywhere: nothing of what was computed from it may pass.
     let taut = change > 0.0 && rest_squared > 0.0;
-    [0, 1, 2].map(|axis| if taut { share * (b[axis] + moved[axis]) } else { 0.0 })
+    let [x, y, z] = [share * (b[0] + moved[0]), share * (b[1] + moved[1]), share * (b[2] + moved[2])];
+    if taut { [x, y, z] } else { [0.0; 3] }
 }
 
 /// [`block_cell_forces`] on the best instruction set of this machine. Same bits on all of them.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
 pub fn cell_forces<M: CellConstant, V: CellConstant, F: Fibres>(
     step: CellStep,
-    modulus: M,
-    viscosity: V,
-    fibres: F,
+    of_cells: (M, V, F),
     displacement: [&Halo; 3],
     velocity: [&Halo; 3],
     work: &mut CellPlanes,
     force: &mut [[f32; BLOCK_LEN]; 3],
 ) {
-    block_cell_forces(step, (modulus, viscosity, fibres), displacement, velocity, work, force);
+    block_cell_forces(step, of_cells, displacement, velocity, work, force);
 }
 
 /// Adds `K u` of one block for fibres drawn straight, at rest, to `out`.
@@ -122,13 +121,7 @@ pub fn cell_forces<M: CellConstant, V: CellConstant, F: Fibres>(
 /// # Accuracy
 /// f32, each row within 1e-5 of its largest entry times the vector.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
-pub fn add_linear(
-    root: [&Halo; 3],
-    pitch: f32,
-    u: [&Halo; 3],
-    work: &mut [Halo; 3],
-    out: [&mut [f32; BLOCK_LEN]; 3],
-) {
+pub fn add_linear(root: [&Halo; 3], pitch: f32, u: [&Halo; 3], work: &mut [Halo; 3], out: [&mut [f32; BLOCK_LEN]; 3]) {
     // h^3 over (4 h)^2.
     let scale = pitch / 16.0;
     for z in -1..BLOCK[2] as isize {
@@ -297,7 +290,7 @@ mod tests {
                 let mut work = CellPlanes::new();
                 let (u, v) = (displacement.each_ref(), velocity.each_ref());
                 if best {
-                    cell_forces(step, $modulus, $viscosity, $fibres, u, v, &mut work, &mut force);
+                    cell_forces(step, ($modulus, $viscosity, $fibres), u, v, &mut work, &mut force);
                 } else {
                     block_cell_forces(step, ($modulus, $viscosity, $fibres), u, v, &mut work, &mut force);
                 }

@@ -6,9 +6,9 @@ use super::inputs::Inputs;
 use super::prepare::PrepareError;
 use crate::geometry::{GridShape, Point3, Vector3};
 use crate::lattice::Lattice;
-use crate::material::{Assembly, FibreTerm, Fibres};
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, CellValues, Damping, TissueBody};
+use crate::material::{Assembly, FibreTerm, Fibres};
 use crate::scene::resolved::{self, Body, Model, Property, PropertyKind, Scene};
 use crate::volume::{CtVolume, LabelVolume, SAME_GRID_TOLERANCE};
 

@@ -69,7 +69,10 @@ pub(super) fn check(
         let squared: f32 = fibres.iter().map(|part| part * part).sum();
         let lost = squared == 0.0 && fibres != [0.0; 3];
         if !squared.is_finite() || lost {
-            return refuse("the modulus of a cell's fibres [Pa]", fibres.iter().map(|&part| f64::from(part).powi(2)).sum());
+            return refuse(
+                "the modulus of a cell's fibres [Pa]",
+                fibres.iter().map(|&part| f64::from(part).powi(2)).sum(),
+            );
         }
     }
     Ok(())

@@ -81,10 +81,11 @@ pub(super) fn fibres(
     let table = table.key("fibres");
     let before = checks.problems.len();
     let key = table.key("direction");
-    let direction = Vector3::from(checks.triple(&key, written.direction, "any length"));
+    let direction = Vector3::from(checks.triple(&key, written.direction, "any unit"));
     if direction == Vector3::zeros() {
         let found = "the direction is [0, 0, 0]".to_owned();
-        checks.problem(&key, Problem::Degenerate { found, expected: "a vector with a length, such as [0, 0, 1]".into() });
+        checks
+            .problem(&key, Problem::Degenerate { found, expected: "a vector with a length, such as [0, 0, 1]".into() });
     }
     let modulus = checks.above_zero(&table.key("modulus"), written.modulus, "Pa");
     // By its largest part first: squares of tiny or huge ones are no numbers.

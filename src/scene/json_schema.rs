@@ -84,6 +84,7 @@ mod tests {
                         | "cut"
                         | "pull"
                         | "push"
+                        | "pressure"
                         | "release"
                 );
                 assert!(is_table || text.contains("xample: `"), "{path}: `{key}` has no example: {text}");

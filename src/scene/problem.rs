@@ -198,7 +198,9 @@ pub enum Caution {
     )]
     FreeFall,
     /// No force, no motion: the run would show the rest state.
-    #[error("nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]] or [gravity]")]
+    #[error(
+        "nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]], a [[pressure]] or [gravity]"
+    )]
     NothingMoves,
 }
 
@@ -259,7 +261,8 @@ fn what_to_write(key: &str) -> &'static str {
         "blade" => "give the edge of the blade, such as blade = [[-60, 0, 0], [60, 0, 0]] (mm)",
         "path" => "give offsets of the blade, such as path = [[0, 80, 0], [0, 0, 0]] (mm)",
         "to" => "say when the cut is finished, such as to = 0.15 (s)",
-        "of" => "name the fix, pull or push that ends, such as of = \"pull 1\"",
+        "pressure" => "give it in Pa, such as pressure = 2e3 (1 mmHg is 133 Pa)",
+        "of" => "name the fix, pull, push or pressure that ends, such as of = \"pull 1\"",
         "at" => "say when, such as at = 0.3 (s)",
         "acceleration" => "write acceleration = [0, 0, -9.81] (m/s2)",
         "direction" => "write direction = [0, 0, 1] (RAS+)",

@@ -169,7 +169,7 @@ fn look_over(checks: &mut Checks<'_>, scene: &Scene) {
     if falls && !held {
         checks.caution(&KeyPath::top("gravity"), Caution::FreeFall);
     }
-    if !falls && !grabbed && !does(|action| matches!(action, Action::Force { .. })) {
+    if !falls && !grabbed && !does(|action| matches!(action, Action::Force { .. } | Action::Pressure { .. })) {
         checks.caution(&KeyPath::default(), Caution::NothingMoves);
     }
 }

@@ -274,6 +274,17 @@ pub enum Action {
         #[serde(rename = "ramp_s")]
         ramp: f64,
     },
+    /// Presses on the faces of cells that border on nothing, following them.
+    Pressure {
+        /// Which faces, by where their middle is at rest.
+        region: Region,
+        /// Inwards where it is positive [Pa].
+        #[serde(rename = "pressure_pa")]
+        pressure: f64,
+        /// Time over which the pressure grows linearly from zero [s].
+        #[serde(rename = "ramp_s")]
+        ramp: f64,
+    },
     /// Grabs a region and moves it along a path, then holds it until the operation ends.
     Grab {
         /// Which particles.
@@ -339,13 +350,19 @@ mod tests {
         let measured = tissue(file("/data/e.nii.gz"), map([900.0, 1e3 / 0.9]), Damping::Viscosity(0.0));
         let labels = |label| VoxelSelection::Labels(vec![label]);
         let color = [0.1, 0.2, 1.0 / 3.0];
-        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, fibres: None, color, look: None };
+        let organ =
+            |name: &str, voxels, body| Organ { name: name.into(), voxels, body, fibres: None, color, look: None };
         let colors = Look::Colors(vec![LookColor { hu: -0.1, color }, LookColor { hu: 1e3 / 3.0, color }]);
         let actions = [
             Action::Fix { region: region.clone() },
             Action::Force { region: region.clone(), force: Vector3::new(0.0, -3.1, 0.0), ramp: 0.02 },
-            Action::Grab { region, path: vec![Vector3::zeros(), Vector3::new(0.0, -20.0, 0.3)], arrive: 0.4 },
+            Action::Grab {
+                region: region.clone(),
+                path: vec![Vector3::zeros(), Vector3::new(0.0, -20.0, 0.3)],
+                arrive: 0.4,
+            },
             Action::Cut { blade: vec![Point3::origin(); 2], path: vec![Vector3::x(), Vector3::y()] },
+            Action::Pressure { region, pressure: 1e3 / 3.0, ramp: 0.02 },
         ];
         Scene {
             volume: VolumeSource::Files { image: Some("a/ct.nii.gz".into()), labels: None },
@@ -372,7 +389,7 @@ mod tests {
             drag: Some(0.3),
             operations: actions
                 .into_iter()
-                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY])
+                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY, 2.0])
                 .map(|(action, until)| Operation { name: format!("{until}"), from: 0.1, until, action })
                 .collect(),
         }

@@ -52,7 +52,10 @@ pub(super) struct SceneFile {
     /// The same as `pull` under the other word: the direction is that of `force` or `path`. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) push: Vec<Pull>,
-    /// Ends of a fix, pull or push before the run ends, each in its own `[[release]]` table. Default: none.
+    /// Pressures on surfaces, each in its own `[[pressure]]` table; model "tissue" only. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) pressure: Vec<Pressure>,
+    /// Ends of a fix, pull, push or pressure before the run ends, each in its own `[[release]]` table. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) release: Vec<Release>,
 }
@@ -304,11 +307,33 @@ pub(super) struct Pull {
     pub(super) to: Option<f64>,
 }
 
-/// Ends a fix, pull or push.
+/// A pressure on the faces of cells that border on nothing, at right angles to them as they move and turn. Faces that a
+/// cut lays open are not pressed, and a face that is cut lets go.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pressure {
+    /// Name for messages and for `[[release]]`. Default: "pressure 1", "pressure 2", ... Example: `name = "blood"`.
+    pub(super) name: Option<String>,
+    /// Which faces: those whose middle, at rest, lies in the region; of an organ those of its own cells. A region around a
+    /// hollow takes the faces that look into it. Example: `region = { sphere = { center = [0, 0, 0], radius = 12 } }`.
+    pub(super) region: Region,
+    /// Pressure [Pa], not 0: positive pushes into the tissue, negative sucks. 1 mmHg is 133 Pa. Example: `pressure = 2e3`.
+    pub(super) pressure: f64,
+    /// Time over which the pressure grows from zero [s], 0 or more. Default: 0. Example: `ramp = 0.02`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) ramp: Option<f64>,
+    /// Begins [s], 0 or more. Default: 0. Example: `from = 0.1`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) from: Option<f64>,
+    /// Ends [s], after `from`. Default: the end of the run. Example: `to = 0.3`.
+    pub(super) to: Option<f64>,
+}
+
+/// Ends a fix, pull, push or pressure.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Release {
-    /// Name of the fix, pull or push that ends. Example: `of = "clamp"`.
+    /// Name of the fix, pull, push or pressure that ends. Example: `of = "clamp"`.
     pub(super) of: String,
     /// When [s], after it began. Example: `at = 0.3`.
     pub(super) at: f64,

@@ -8,3 +8,4 @@ mod support;
 
 mod drag;
 mod fibres;
+mod pressure;

@@ -123,12 +123,12 @@ impl CellFibres {
             match volume_kind {
                 Some(VolumeKind::Alike { modulus, viscosity }) if viscous => {
                     let (modulus, viscosity) = (SameCells::new(modulus), SameCells::new(viscosity));
-                    cell_forces(step, modulus, viscosity, root, u, v, planes, force);
+                    cell_forces(step, (modulus, viscosity, root), u, v, planes, force);
                 }
                 Some(VolumeKind::Alike { modulus, .. }) => {
-                    cell_forces(step, SameCells::new(modulus), Absent, root, u, v, planes, force);
+                    cell_forces(step, (SameCells::new(modulus), Absent, root), u, v, planes, force);
                 }
-                _ => cell_forces(step, Absent, Absent, root, u, v, planes, force),
+                _ => cell_forces(step, (Absent, Absent, root), u, v, planes, force),
             }
             return Some(&own.force);
         }
@@ -142,9 +142,9 @@ impl CellFibres {
         let root = EachFibres { cell: fibres.root.each_ref() };
         let (modulus, viscosity) = (EachCell { cell: modulus }, EachCell { cell: viscosity });
         match (volumes.is_some(), viscous) {
-            (false, _) => cell_forces(step, Absent, Absent, root, u, v, planes, force),
-            (true, false) => cell_forces(step, modulus, Absent, root, u, v, planes, force),
-            (true, true) => cell_forces(step, modulus, viscosity, root, u, v, planes, force),
+            (false, _) => cell_forces(step, (Absent, Absent, root), u, v, planes, force),
+            (true, false) => cell_forces(step, (modulus, Absent, root), u, v, planes, force),
+            (true, true) => cell_forces(step, (modulus, viscosity, root), u, v, planes, force),
         }
         Some(force)
     }

@@ -3,5 +3,6 @@
 
 mod drag;
 pub(super) mod fibres;
+pub(super) mod pressure;
 
 pub(super) use drag::Drag;

@@ -118,7 +118,9 @@ impl Operator {
                     // b is the direction times the root of the modulus, and nothing damps.
                     let length = (f64::from(*x).powi(2) + f64::from(*y).powi(2) + f64::from(*z).powi(2)).sqrt();
                     let factor = if length > 0.0 { (dt / length).sqrt() } else { 0.0 };
-                    [x, y, z].map(|part| *part = (f64::from(*part) * factor) as f32);
+                    for part in [x, y, z] {
+                        *part = (f64::from(*part) * factor) as f32;
+                    }
                 }
                 [x, y, z]
             }),
@@ -156,34 +158,52 @@ impl Operator {
         }
         let scaled = &*scaled;
         let [x, y, z] = out.each_mut().map(|axis| axis.par_chunks_exact_mut(BLOCK_LEN));
-        (x, y, z).into_par_iter().enumerate().for_each_init(|| Buffers::new(self.fibres.is_some()), |buffers, (block, (x, y, z))| {
-            let neighbours = &self.layout.neighbours[block];
-            let Buffers { u, constants, modulus, cells, fibres } = &mut **buffers;
-            for axis in 0..3 {
-                gather(&scaled[axis], neighbours, &mut u[axis]);
-            }
-            self.springs.gather(neighbours, constants);
-            if let Some(values) = &self.modulus {
-                gather(values, neighbours, modulus);
-            }
-            let alive = Bits { alive: block_of(&self.alive, block) };
-            let modulus = self.modulus.is_some().then_some(&*modulus);
-            let mut out = [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
-            with_law!(&self.springs, &*constants, |law| {
-                apply(law, alive, modulus, self.pitch, u.each_ref(), cells, out.each_mut().map(|chunk| &mut **chunk));
-            });
-            if let (Some(root), Some(halos)) = (&self.fibres, fibres) {
-                let [root_halos, work] = &mut **halos;
-                for (values, halo) in root.iter().zip(root_halos.iter_mut()) {
-                    gather(values, neighbours, halo);
+        (x, y, z).into_par_iter().enumerate().for_each_init(
+            || Buffers::new(self.fibres.is_some()),
+            |buffers, (block, (x, y, z))| {
+                let neighbours = &self.layout.neighbours[block];
+                let Buffers { u, constants, modulus, cells, fibres } = &mut **buffers;
+                for axis in 0..3 {
+                    gather(&scaled[axis], neighbours, &mut u[axis]);
                 }
-                add_linear(root_halos.each_ref(), self.pitch, u.each_ref(), work, out.each_mut().map(|chunk| &mut **chunk));
-            }
-            let weight = block_of(&self.weight, block);
-            for chunk in out {
-                chunk.iter_mut().zip(weight).for_each(|(value, weight)| *value *= weight);
-            }
-        });
+                self.springs.gather(neighbours, constants);
+                if let Some(values) = &self.modulus {
+                    gather(values, neighbours, modulus);
+                }
+                let alive = Bits { alive: block_of(&self.alive, block) };
+                let modulus = self.modulus.is_some().then_some(&*modulus);
+                let mut out =
+                    [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
+                with_law!(&self.springs, &*constants, |law| {
+                    apply(
+                        law,
+                        alive,
+                        modulus,
+                        self.pitch,
+                        u.each_ref(),
+                        cells,
+                        out.each_mut().map(|chunk| &mut **chunk),
+                    );
+                });
+                if let (Some(root), Some(halos)) = (&self.fibres, fibres) {
+                    let [root_halos, work] = &mut **halos;
+                    for (values, halo) in root.iter().zip(root_halos.iter_mut()) {
+                        gather(values, neighbours, halo);
+                    }
+                    add_linear(
+                        root_halos.each_ref(),
+                        self.pitch,
+                        u.each_ref(),
+                        work,
+                        out.each_mut().map(|chunk| &mut **chunk),
+                    );
+                }
+                let weight = block_of(&self.weight, block);
+                for chunk in out {
+                    chunk.iter_mut().zip(weight).for_each(|(value, weight)| *value *= weight);
+                }
+            },
+        );
     }
 }
 
