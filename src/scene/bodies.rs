@@ -14,6 +14,9 @@ use crate::material::library::{Tissue, tissue, tissues};
 const DEFAULT_DAMPING_RATIO: f64 = 0.1;
 /// What springs alone have, so the one value without a volume term.
 const DEFAULT_POISSONS_RATIO: f64 = 0.25;
+/// Fibres that go slack and taut in turn hand energy to undamped motion: 2e-4 of it in a step in the tests, of which so much
+/// damping takes ten times more.
+const LEAST_DAMPING_OF_FIBRES: f64 = 1e-3;
 /// Nearer to 1/2 an explicit step is not worth its price, and the cells lock.
 const POISSONS_RATIO: [f64; 2] = [0.0, 0.49];
 const PAPER_KEYS: &str = "stiffness (N/m), damping (N s/m) and mass (kg)";
@@ -88,6 +91,14 @@ pub(super) fn fibres(
             .problem(&key, Problem::Degenerate { found, expected: "a vector with a length, such as [0, 0, 1]".into() });
     }
     let modulus = checks.above_zero(&table.key("modulus"), written.modulus, "Pa");
+    let undamped = match (organ.damping_ratio, organ.viscosity) {
+        (Some(ratio), None) => ratio < LEAST_DAMPING_OF_FIBRES,
+        (None, Some(viscosity)) => viscosity == 0.0,
+        _ => false,
+    };
+    if undamped {
+        checks.caution(&table, Caution::UndampedFibres);
+    }
     // By its largest part first: squares of tiny or huge ones are no numbers.
     let direction = (direction / direction.amax()).normalize();
     (checks.problems.len() == before).then_some(Some(Fibres { direction, modulus }))

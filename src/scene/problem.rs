@@ -181,6 +181,12 @@ pub enum Caution {
         /// The value.
         found: String,
     },
+    /// Fibres in an organ that nothing damps.
+    #[error(
+        "fibres without damping: they go slack and taut in turn, and the steps hand energy to their motion that nothing takes \
+         away; give the organ a damping_ratio of 0.01 or more, or a viscosity"
+    )]
+    UndampedFibres,
     /// Two organs whose HU ranges overlap.
     #[error("[{min}, {max}] HU overlaps the range of {first}, which takes the common voxels because it comes first")]
     OverlappingHu {

@@ -214,7 +214,10 @@ fn a_thick_walled_sphere_widens_as_lame_says() {
         println!("inner radius {inner} cells, nu {nu}: {} faces, off by {shells:.4?}", faces.len());
         errors.push(shells.iter().map(|e| e.abs()).fold(0.0, f64::max));
     }
-    assert!(errors[0] < 0.08 && errors[1] < 0.04 && errors[2] < 0.04, "{errors:?}");
+    // Steps of voxels make the wall a little thinner than the sphere's: an error of the first order of the pitch.
+    assert!(errors[0] < 0.08 && errors[1] < 0.045 && errors[2] < 0.05, "{errors:?}");
+    let limit = 2.0 * errors[1] - errors[0];
+    assert!(limit.abs() < 0.015, "towards no pitch: {limit}");
 }
 
 /// Volume under faces that close a surface [m^3].
