@@ -21,6 +21,6 @@ mod volume;
 mod world;
 
 pub use drive::Handle;
-pub use effects::pressure::{Face, boundary_faces};
+pub use effects::pressure::{Face, boundary_faces, lip_faces};
 pub use rigid::RigidBody;
 pub use world::{Moment, StepError, World};

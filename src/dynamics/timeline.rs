@@ -4,12 +4,13 @@
 //! blade is already where it is to be at its end, so it runs one step ahead of the tissue it meets.
 
 use super::drive::Handle;
-use super::effects::pressure::{Face, boundary_faces};
+use super::effects::pressure::{Face, boundary_faces, lip_faces};
 use super::world::{Moment, World};
 use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::Lattice;
-use crate::scene::resolved::{Action, Operation};
+use crate::lattice::SeveredSpring;
+use crate::scene::resolved::{Action, Operation, Pressed};
 
 /// The blade is tested against the springs as soon as edge and tissue together may have moved this far [pitches]. In
 /// between, the ways of the particles are taken as straight. A run that ends within a cut leaves the rest untested.
@@ -63,7 +64,7 @@ pub struct Event {
 /// What happened to an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
-    /// It began, on this many particles (faces for a pressure, 0 for a cut).
+    /// It began, on this many particles (faces for a pressure, 0 for a cut and for the lips of one).
     Began(usize),
     /// It ended, or the run did.
     Ended,
@@ -77,6 +78,8 @@ pub enum What {
 #[derive(Debug)]
 pub struct Timeline {
     entries: Vec<Entry>,
+    /// What cuts have severed so far, for those that press on their lips: name of the cut and springs.
+    severed: Vec<(String, Vec<SeveredSpring>)>,
 }
 
 #[derive(Debug)]
@@ -85,6 +88,8 @@ struct Entry {
     particles: Vec<u32>,
     /// Of a pressure.
     faces: Vec<Face>,
+    /// Severed springs whose lips it knows.
+    lips: usize,
     state: State,
 }
 
@@ -128,7 +133,7 @@ impl Timeline {
                         }
                         particles
                     }
-                    Action::Pressure { region, .. } => {
+                    Action::Pressure { on: Pressed::Border(region), .. } => {
                         pressed = boundary_faces(lattice, region);
                         if pressed.is_empty() {
                             let (min, max) = extent(lattice);
@@ -136,19 +141,36 @@ impl Timeline {
                         }
                         Vec::new()
                     }
-                    Action::Cut { .. } => Vec::new(),
+                    Action::Pressure { on: Pressed::LipsOf(_), .. } | Action::Cut { .. } => Vec::new(),
                 };
-                Ok(Entry { operation: operation.clone(), particles, faces: pressed, state: State::Waiting })
+                let operation = operation.clone();
+                Ok(Entry { operation, particles, faces: pressed, lips: 0, state: State::Waiting })
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { entries })
+        let mut severed: Vec<(String, Vec<SeveredSpring>)> = Vec::new();
+        for operation in operations {
+            if let Action::Pressure { on: Pressed::LipsOf(cut), .. } = &operation.action {
+                severed.push((cut.clone(), Vec::new()));
+            }
+        }
+        severed.sort_by(|a, b| a.0.cmp(&b.0));
+        severed.dedup_by(|a, b| a.0 == b.0);
+        Ok(Self { entries, severed })
     }
 
     /// Applies everything that is due before the world's next step. To be called before every step.
     pub fn advance(&mut self, world: &mut World) -> Vec<Event> {
         let mut events = Vec::new();
         for entry in &mut self.entries {
+            let before = world.topology().severed().len();
             entry.advance(world, &mut events);
+            let name = &entry.operation.name;
+            for (_, springs) in self.severed.iter_mut().filter(|(cut, _)| cut == name) {
+                springs.extend_from_slice(&world.topology().severed()[before..]);
+            }
+        }
+        if !self.severed.is_empty() {
+            self.entries.iter_mut().for_each(|entry| entry.follow_lips(world, &self.severed));
         }
         events
     }
@@ -175,6 +197,21 @@ impl Timeline {
 }
 
 impl Entry {
+    /// Presses on the lips of a cut as far as it has come.
+    fn follow_lips(&mut self, world: &mut World, severed: &[(String, Vec<SeveredSpring>)]) {
+        let (State::Acting(handle), Action::Pressure { on: Pressed::LipsOf(cut), .. }) =
+            (&self.state, &self.operation.action)
+        else {
+            return;
+        };
+        if let Some((_, springs)) = severed.iter().find(|(name, _)| name == cut)
+            && springs.len() > self.lips
+        {
+            self.lips = springs.len();
+            world.press_instead(*handle, &lip_faces(world.lattice(), world.topology(), springs));
+        }
+    }
+
     fn advance(&mut self, world: &mut World, events: &mut Vec<Event>) {
         let (now, dt) = (world.time(), world.dt());
         // Times are multiples of dt only up to rounding.

@@ -4,7 +4,7 @@ use super::checks::Checks;
 use super::diagnostics::KeyPath;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::regions::region;
-use super::resolved::{Action, Model, Operation};
+use super::resolved::{Action, Model, Operation, Pressed};
 use super::schema::{self, SceneFile};
 use super::values::Triple;
 use crate::geometry::{Point3, Vector3};
@@ -200,13 +200,39 @@ fn pressed(checks: &mut Checks<'_>, table: &KeyPath, written: &schema::Pressure,
             "model \"tissue\", whose cells have faces to press on; set lattice.model = \"tissue\" or push with a force";
         checks.out_of_range(table, "a pressure in model \"paper\"", expected);
     }
-    let region = region(checks, &table.key("region"), &written.region, file);
+    let on = match (&written.region, &written.cut) {
+        (Some(_), Some(_)) => {
+            let next = "press on what borders on nothing in a region, or on the lips of a cut".to_owned();
+            let problem = Problem::Conflict { first: "region".into(), second: "cut".into(), next };
+            checks.problem(&table.key("cut"), problem);
+            None
+        }
+        (None, None) => {
+            checks.missing(
+                table,
+                "region",
+                "say which faces, such as region = { organ = \"liver\" }, or cut = \"cut 1\"",
+            );
+            None
+        }
+        (Some(written), None) => region(checks, &table.key("region"), written, file).map(Pressed::Border),
+        (None, Some(found)) => {
+            let known: Vec<String> =
+                file.cut.iter().enumerate().map(|(index, cut)| name(&cut.name, "cut", index)).collect();
+            if !known.contains(found) {
+                let suggestion = nearest_name(found, known.iter().map(String::as_str));
+                let problem = Problem::UnknownName { kind: "cut", found: found.clone(), suggestion, known };
+                checks.problem(&table.key("cut"), problem);
+            }
+            Some(Pressed::LipsOf(found.clone()))
+        }
+    };
     let key = table.key("pressure");
     if !(written.pressure.is_finite() && written.pressure != 0.0) {
         checks.out_of_range(&key, number(written.pressure), "a finite number of Pa, not 0; 1 mmHg is 133 Pa");
     }
     let ramp = written.ramp.map_or(0.0, |ramp| checks.not_negative(&table.key("ramp"), ramp, "s"));
-    Some(Action::Pressure { region: region?, pressure: written.pressure, ramp })
+    Some(Action::Pressure { on: on?, pressure: written.pressure, ramp })
 }
 
 fn check_names(checks: &mut Checks<'_>, entries: &[Entry]) {

@@ -274,10 +274,10 @@ pub enum Action {
         #[serde(rename = "ramp_s")]
         ramp: f64,
     },
-    /// Presses on the faces of cells that border on nothing, following them.
+    /// Presses on faces of cells, following them.
     Pressure {
-        /// Which faces, by where their middle is at rest.
-        region: Region,
+        /// Which faces.
+        on: Pressed,
         /// Inwards where it is positive [Pa].
         #[serde(rename = "pressure_pa")]
         pressure: f64,
@@ -307,6 +307,16 @@ pub enum Action {
         #[serde(rename = "path_mm")]
         path: Vec<Vector3>,
     },
+}
+
+/// Faces that are pressed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Pressed {
+    /// Those that border on nothing and whose middle, at rest, lies in a region.
+    Border(Region),
+    /// The lips of a cut, by the name of the operation.
+    LipsOf(String),
 }
 
 /// JSON has no infinity: a time without end is written as `null`.
@@ -362,7 +372,8 @@ mod tests {
                 arrive: 0.4,
             },
             Action::Cut { blade: vec![Point3::origin(); 2], path: vec![Vector3::x(), Vector3::y()] },
-            Action::Pressure { region, pressure: 1e3 / 3.0, ramp: 0.02 },
+            Action::Pressure { on: Pressed::Border(region), pressure: 1e3 / 3.0, ramp: 0.02 },
+            Action::Pressure { on: Pressed::LipsOf("cut".into()), pressure: -0.1, ramp: 0.0 },
         ];
         Scene {
             volume: VolumeSource::Files { image: Some("a/ct.nii.gz".into()), labels: None },
@@ -389,7 +400,7 @@ mod tests {
             drag: Some(0.3),
             operations: actions
                 .into_iter()
-                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY, 2.0])
+                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY, 2.0, 3.0])
                 .map(|(action, until)| Operation { name: format!("{until}"), from: 0.1, until, action })
                 .collect(),
         }

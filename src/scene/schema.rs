@@ -307,16 +307,20 @@ pub(super) struct Pull {
     pub(super) to: Option<f64>,
 }
 
-/// A pressure on the faces of cells that border on nothing, at right angles to them as they move and turn. Faces that a
-/// cut lays open are not pressed, and a face that is cut lets go.
+/// A pressure on faces of cells, at right angles to them as they move and turn: on those that border on nothing in a `region`, or
+/// on the lips of a `cut`, which it opens. A face that is cut itself lets go.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Pressure {
     /// Name for messages and for `[[release]]`. Default: "pressure 1", "pressure 2", ... Example: `name = "blood"`.
     pub(super) name: Option<String>,
-    /// Which faces: those whose middle, at rest, lies in the region; of an organ those of its own cells. A region around a
-    /// hollow takes the faces that look into it. Example: `region = { sphere = { center = [0, 0, 0], radius = 12 } }`.
-    pub(super) region: Region,
+    /// Which faces: those that border on nothing and whose middle, at rest, lies in the region; of an organ those of its own
+    /// cells. A region around a hollow takes the faces that look into it. Either `region` or `cut` is needed.
+    /// Example: `region = { sphere = { center = [0, 0, 0], radius = 12 } }`.
+    pub(super) region: Option<Region>,
+    /// Name of a cut: the faces of the cells beside those it went through, as far as it has come. Either `region` or `cut` is
+    /// needed. Example: `cut = "incision"`.
+    pub(super) cut: Option<String>,
     /// Pressure [Pa], not 0: positive pushes into the tissue, negative sucks. 1 mmHg is 133 Pa. Example: `pressure = 2e3`.
     pub(super) pressure: f64,
     /// Time over which the pressure grows from zero [s], 0 or more. Default: 0. Example: `ramp = 0.02`.

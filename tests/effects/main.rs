@@ -8,4 +8,5 @@ mod support;
 
 mod drag;
 mod fibres;
+mod lips;
 mod pressure;

@@ -1,4 +1,4 @@
-//! Pressure on the faces of cells that border on nothing: a load that follows them as they move and turn.
+//! Pressure on the faces of cells that border on nothing or on a cut: a load that follows them as they move and turn.
 //!
 //! A face is the quad between a cell and an empty place beside it. With its corners at `x_1 .. x_4`, counter-clockwise as seen
 //! from outside, it is the bilinear patch `x(s, t)` over `-1..1` squared, and a pressure `p` pushes corner `c` with
@@ -12,13 +12,16 @@
 //! area vector times `p`. These are `p` times the derivatives of the volume that the patches enclose, so on a closed surface the
 //! forces and their moments cancel to rounding however it is bent, and the work done is `p` times the volume gained.
 //!
-//! A face is chosen by where its middle is at rest. It lets go for good when a spring between two of its corners is severed:
-//! they belong to pieces that part. Faces that a cut lays open are not pressed.
+//! A face is chosen by where its middle is at rest, or because it looks at a cell that a given cut went through: those are the
+//! lips of the cut. A face lets go for good when a spring between two of its corners is severed: they belong to pieces that
+//! part.
 //!
 //! Only the surface is worked through, in f64. A follower load changes the stiffness of a corner by about `p h`, against some
 //! `10 E h` of its springs: no step is shortened for it.
 //!
 //! Source: K. Schweizerhof and E. Ramm, "Displacement dependent pressure loads in nonlinear finite element analyses" (1984).
+
+use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
@@ -30,7 +33,7 @@ use crate::lattice::build::NO_ORGAN;
 use crate::lattice::layout::BlockLayout;
 use crate::lattice::neighbours::direction_of;
 use crate::lattice::region::Region;
-use crate::lattice::{Lattice, NO_PARTICLE, Topology};
+use crate::lattice::{Lattice, NO_PARTICLE, SeveredSpring, Topology};
 
 /// Corners of the face of a cell on the low and the high side of each axis, counter-clockwise seen from outside; corners of the
 /// cell x fastest.
@@ -39,7 +42,7 @@ const CORNERS: [[[usize; 4]; 2]; 3] =
 /// Faces that one task works through.
 const CHUNK: usize = 256;
 
-/// A face of a cell that borders on nothing.
+/// A face of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Face {
     /// Its corners, counter-clockwise seen from outside.
@@ -100,6 +103,40 @@ pub fn boundary_faces(lattice: &Lattice, region: &Region) -> Vec<Face> {
     }
     let chosen = region.among(&middles, &organs);
     found.into_iter().zip(chosen).filter(|&(_, chosen)| chosen).map(|(face, _)| face).collect()
+}
+
+/// The lips of a cut: the faces of whole cells that look at a cell in which one of some springs was severed. In the order of
+/// the lattice. Nothing in a lattice without cells.
+pub fn lip_faces(lattice: &Lattice, topology: &Topology, severed: &[SeveredSpring]) -> Vec<Face> {
+    if !lattice.has_cells() {
+        return Vec::new();
+    }
+    let shape = lattice.grid.shape;
+    let cells_of = |spring: &SeveredSpring| lattice.cells_of_spring(spring.particle, usize::from(spring.direction));
+    let cut: BTreeSet<u32> = severed.iter().flat_map(cells_of).collect();
+    let mut found = Vec::new();
+    for &cell in &cut {
+        let ijk = lattice.ijk(cell);
+        for axis in 0..3 {
+            for high in [false, true] {
+                // The cell beside it looks back.
+                let mut beside = ijk;
+                beside[axis] = if high { ijk[axis] + 1 } else { ijk[axis].wrapping_sub(1) };
+                if beside[axis] >= shape.dims()[axis] {
+                    continue;
+                }
+                let other = lattice.particle_at[shape.linear(beside)];
+                if other == NO_PARTICLE || lattice.cell_organ[other as usize] == NO_ORGAN {
+                    continue;
+                }
+                if let Some(corners) = topology.whole_cell(lattice, other) {
+                    let own = CORNERS[axis][usize::from(!high)].map(|corner| corners[corner]);
+                    found.push(Face { corners: own, side: (axis as u8, !high) });
+                }
+            }
+        }
+    }
+    found
 }
 
 /// The forces of a pressure of 1 Pa on the corners of a patch [N/Pa], from their places [m].
@@ -218,10 +255,23 @@ impl PressedFaces {
 }
 
 impl World {
-    /// Lets a pressure act on faces (see [`boundary_faces`]), inwards where it is positive; 0 until [`World::set_pressure`]. What is held
+    /// Lets a pressure act on faces (see [`boundary_faces`], [`lip_faces`]), inwards where it is positive; 0 until [`World::set_pressure`]. What is held
     /// or grabbed does not feel it; a rigid body does, torque included.
     pub fn press(&mut self, faces: &[Face]) -> Handle {
         self.add(Drive::Pressure(Box::new(PressedFaces::new(faces))))
+    }
+
+    /// Lets a pressure act on other faces from the next step on.
+    ///
+    /// # Panics
+    /// If the handle is not a pressure's.
+    pub fn press_instead(&mut self, handle: Handle, faces: &[Face]) {
+        match &mut self.drives[handle.0] {
+            Drive::Pressure(pressed) => {
+                **pressed = PressedFaces { pressure: pressed.pressure, ..PressedFaces::new(faces) };
+            }
+            other => panic!("{handle:?} is {other:?}, not a pressure"),
+        }
     }
 
     /// Changes a pressure from the next step on [Pa].
