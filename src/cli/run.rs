@@ -78,7 +78,7 @@ pub(super) fn simulate(
     let recorder = Recorder::create(output, scene, Some(scene_toml), &inputs, &prepared, overwrite)?;
     // The volumes are not needed while stepping.
     drop(inputs);
-    let mut world = prepared.into_world(scene.gravity);
+    let mut world = prepared.into_world(scene);
     let bar = progress::bar(messages, "steps", schedule.steps);
     let mut watch =
         Watch { recorder, bar, messages, scene, planned_dt: schedule.dt, started: Instant::now(), change: None };

@@ -74,7 +74,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "disk_mb_at_most": disk_bytes * 1e-6,
         "threads": rayon::current_num_threads(),
     });
-    let mut world = prepared.into_world(scene.gravity);
+    let mut world = prepared.into_world(&scene);
     let bytes = world.bytes_per_particle();
     facts["bytes_per_particle"] = json!(bytes);
     facts["memory_mb"] = json!(bytes * particles as f64 * 1e-6);
@@ -107,7 +107,9 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
         "springs": springs,
         "dampers": assembly.damping.is_some(),
         "volume_term": assembly.volume.is_some(),
+        "fibrous_organs": scene.organs.iter().filter(|organ| organ.fibres.is_some()).count(),
         "gravity_m_per_s2": scene.gravity,
+        "drag_per_s": scene.drag,
         "rigid_organs": scene.organs.iter().filter(|organ| matches!(organ.body, Body::Rigid { .. })).count(),
         "operations": kinds,
     })
@@ -121,6 +123,7 @@ fn of_organ(number: u8, organ: &Organ, prepared: &Prepared) -> Value {
         "name": organ.name,
         "particles": particles,
         "body": organ.body,
+        "fibres": organ.fibres,
         "solid": Value::Null,
         "spread": { "youngs_modulus_pa": of_spread(youngs_modulus), "density_kg_per_m3": of_spread(density) },
     });
@@ -241,11 +244,14 @@ fn effects_text(effects: &Value) -> String {
     let gravity: f64 =
         effects["gravity_m_per_s2"].as_array().into_iter().flatten().filter_map(Value::as_f64).map(|g| g * g).sum();
     found.extend((gravity > 0.0).then(|| format!("gravity {} m/s^2", digits(gravity.sqrt(), 4))));
+    found.extend(effects["drag_per_s"].as_f64().map(|rate| format!("drag {} /s", digits(rate, 4))));
     let times = |count: u64, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
     for (kind, count) in effects["operations"].as_object().into_iter().flatten() {
         let one = if kind == "fix" { "fixed region" } else { kind.as_str() };
         found.push(times(count.as_u64().unwrap_or(0), one));
     }
+    let fibrous = effects["fibrous_organs"].as_u64().unwrap_or(0);
+    found.extend((fibrous > 0).then(|| times(fibrous, "fibrous organ")));
     let rigid = effects["rigid_organs"].as_u64().unwrap_or(0);
     found.extend((rigid > 0).then(|| times(rigid, "rigid organ")));
     found.join(", ")
@@ -310,6 +316,15 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
         if !organ["solid"].is_null() {
             lines.push(format!("{name}: the figures above are those at one particle inside"));
         }
+    }
+    for organ in organs.iter().filter(|organ| !organ["fibres"].is_null()) {
+        let direction = organ["fibres"]["direction"].as_array().into_iter().flatten().map(cell);
+        lines.push(format!(
+            "{}: fibres along [{}] add {} Pa to E where it is drawn out along them; the figures above are without",
+            organ["name"].as_str().unwrap_or_default(),
+            direction.collect::<Vec<_>>().join(", "),
+            cell(&organ["fibres"]["modulus_pa"])
+        ));
     }
     for organ in organs.iter().filter(|organ| !isotropic(organ)) {
         let solid = &organ["solid"];

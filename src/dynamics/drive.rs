@@ -1,16 +1,17 @@
-//! What moves or holds particles from outside: holds, grabs and forces.
+//! What moves or holds particles from outside: holds, grabs, forces and pressures.
 
 use std::collections::hash_map::Entry;
 
+use super::effects::pressure::{PressedFaces, Pushed};
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::layout::BLOCK_LEN;
 
-/// A hold, grab or force of a [`World`], to change or release it later.
+/// A hold, grab, force or pressure of a [`World`], to change or release it later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Handle(pub(super) usize);
 
-/// One active hold, grab or force. Slots are in block order, vectors in lattice axes and SI units.
+/// One active hold, grab, force or pressure. Slots are in block order, vectors in lattice axes and SI units.
 #[derive(Debug, Clone)]
 pub(super) enum Drive {
     /// Particles that stay where they are.
@@ -19,6 +20,8 @@ pub(super) enum Drive {
     Grab { slots: Vec<u32>, start: Vec<[f32; 3]>, offset: Vector3 },
     /// Particles that share a force in proportion to their mass.
     Force { slots: Vec<u32>, force: Vector3, mass: f64 },
+    /// Faces that are pressed.
+    Pressure(Box<PressedFaces>),
     /// Released; the number is not used again.
     Released,
 }
@@ -96,7 +99,7 @@ impl World {
         }
     }
 
-    /// Ends a hold, grab or force. The particles go on from their present place and velocity; anchored
+    /// Ends a hold, grab, force or pressure. The particles go on from their present place and velocity; anchored
     /// rigid organs stop.
     pub fn release(&mut self, handle: Handle) {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
@@ -111,7 +114,7 @@ impl World {
                     self.drop_claim(slot, |claims| claims.grabs -= 1);
                 }
             }
-            Drive::Force { .. } | Drive::Released => {}
+            Drive::Force { .. } | Drive::Pressure(_) | Drive::Released => {}
         }
     }
 
@@ -135,7 +138,7 @@ impl World {
         self.refresh(slot);
     }
 
-    fn add(&mut self, drive: Drive) -> Handle {
+    pub(super) fn add(&mut self, drive: Drive) -> Handle {
         self.drives.push(drive);
         Handle(self.drives.len() - 1)
     }
@@ -149,7 +152,8 @@ impl World {
     /// `fastest` is the largest squared speed of each block, raised by what is driven.
     pub(super) fn apply_drives(&mut self, fastest: &mut [f32]) {
         let dt = self.dt();
-        let Self { drives, claims, velocity, displacement, dt_over_mass, rigid, layout, lattice, assembly, .. } = self;
+        let Self { drives, claims, velocity, displacement, dt_over_mass, .. } = self;
+        let Self { rigid, layout, lattice, topology, assembly, .. } = self;
         for drive in drives {
             match drive {
                 Drive::Hold { .. } | Drive::Released => {}
@@ -175,6 +179,11 @@ impl World {
                         }
                         raise(&mut fastest[slot / BLOCK_LEN], slot, velocity);
                     }
+                }
+                Drive::Pressure(faces) => {
+                    let rigid = rigid.as_deref_mut();
+                    let world = Pushed { lattice, topology, layout, displacement, velocity, dt_over_mass, rigid };
+                    faces.push(dt, world, |slot, velocity| raise(&mut fastest[slot / BLOCK_LEN], slot, velocity));
                 }
                 Drive::Force { slots, force, mass } => {
                     // Shared by mass, so every particle is accelerated alike.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::world::World;
 use crate::geometry::Vector3;
-use crate::kernel::reference::cell_volume_energy;
+use crate::kernel::reference::{cell_fibre_energy, cell_volume_energy};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, Topology};
 
@@ -16,7 +16,7 @@ const CHUNK: usize = 65_536;
 pub struct Balance {
     /// Kinetic energy [J].
     pub kinetic: f64,
-    /// Energy of the stretched springs and of the cells whose volume changed [J]. Below a Poisson's ratio of 1/4 the
+    /// Energy of the stretched springs and fibres and of the cells whose volume changed [J]. Below a Poisson's ratio of 1/4 the
     /// cells' share is negative.
     pub elastic: f64,
     /// Linear momentum [kg m/s].
@@ -57,6 +57,9 @@ pub fn balance(world: &World) -> Balance {
         }
         if let Some(term) = &world.assembly().volume {
             elastic += cell_volume_energy(lattice, world.topology(), term, particle, |p| world.displacement(p));
+        }
+        if let Some(term) = &world.assembly().fibres {
+            elastic += cell_fibre_energy(lattice, world.topology(), term, particle, |p| world.displacement(p));
         }
         Balance {
             kinetic: 0.5 * mass * velocity.norm_squared(),

@@ -7,6 +7,7 @@
 
 mod alternation;
 mod drive;
+mod effects;
 pub mod measure;
 mod parting;
 pub mod reference_world;
@@ -21,5 +22,6 @@ mod workers;
 mod world;
 
 pub use drive::Handle;
+pub use effects::pressure::{Face, boundary_faces, lip_faces};
 pub use rigid::RigidBody;
 pub use world::{Moment, StepError, World};

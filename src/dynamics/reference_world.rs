@@ -1,16 +1,17 @@
 //! The moving lattice once more, plainly and in f64: what [`World`] is judged by.
 //!
 //! Symplectic Euler over [`crate::kernel::reference`], with the meaning of [`World::step`] for free particles, held
-//! and grabbed ones and gravity, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
+//! and grabbed ones, gravity and drag, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
 //! times slower, and right to f64 rounding.
 //!
 //! Not covered: forces and rigid bodies that move; anchored rigid particles stay where they are.
 
 use super::alternation::{AlternationWatch, alternates};
+use super::effects::Drag;
 use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
 use crate::geometry::Vector3;
 use crate::kernel::alternation::Alternation;
-use crate::kernel::reference::{cell_volume_energy, spring_forces, volume_forces};
+use crate::kernel::reference::{cell_fibre_energy, cell_volume_energy, fibre_forces, spring_forces, volume_forces};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::Assembly;
@@ -26,6 +27,7 @@ pub struct ReferenceWorld {
     held: Vec<bool>,
     grabbed: Option<Grabbed>,
     gravity: Vector3,
+    drag: Option<Drag>,
     dt: f64,
     time: f64,
     steps: u64,
@@ -41,7 +43,7 @@ struct Grabbed {
 }
 
 impl ReferenceWorld {
-    /// The twin of a world: its present state, cuts, gravity and step; particles that are held in it when it is made stay
+    /// The twin of a world: its present state, cuts, gravity, drag and step; particles that are held in it when it is made stay
     /// held.
     pub fn of(world: &World) -> Self {
         let all = || 0..world.lattice().len() as u32;
@@ -54,6 +56,7 @@ impl ReferenceWorld {
             held: all().map(|p| world.mass()[p as usize] == 0.0 || world.is_held(p)).collect(),
             grabbed: None,
             gravity: world.gravity,
+            drag: world.drag,
             dt: world.dt(),
             time: world.time(),
             steps: world.steps(),
@@ -122,13 +125,15 @@ impl ReferenceWorld {
         let Self { lattice, topology, assembly, displacement, velocity, dt, .. } = &*self;
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
+        let fibres = fibre_forces(lattice, topology, assembly, displacement);
         let before = self.velocity.clone();
-        for (p, (spring, cell)) in springs.into_iter().zip(cells).enumerate() {
+        let kept = self.drag.map_or(1.0, |drag| drag.kept(self.dt));
+        for (p, ((spring, cell), fibre)) in springs.into_iter().zip(cells).zip(fibres).enumerate() {
             self.velocity[p] = if self.held[p] {
                 Vector3::zeros()
             } else {
-                let acceleration = (spring + cell) / f64::from(self.assembly.mass[p]) + self.gravity;
-                self.velocity[p] + self.dt * acceleration
+                let acceleration = (spring + cell + fibre) / f64::from(self.assembly.mass[p]) + self.gravity;
+                (self.velocity[p] + self.dt * acceleration) * kept
             };
         }
         if let Some(Grabbed { particles, start, offset }) = &self.grabbed {
@@ -238,7 +243,8 @@ pub fn step_energy(
     let forces = |velocity: &[Vector3]| -> Vec<Vector3> {
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, dt);
-        springs.iter().zip(&cells).map(|(spring, cell)| spring + cell).collect()
+        let fibres = fibre_forces(lattice, topology, assembly, displacement);
+        springs.iter().zip(&cells).zip(&fibres).map(|((spring, cell), fibre)| spring + cell + fibre).collect()
     };
     let elastic = forces(&vec![Vector3::zeros(); lattice.len()]);
     let damped = assembly.damping.is_some();
@@ -255,6 +261,9 @@ pub fn step_energy(
         }
         if let Some(term) = &assembly.volume {
             energy += cell_volume_energy(lattice, topology, term, particle, |p| displacement[p as usize]);
+        }
+        if let Some(term) = &assembly.fibres {
+            energy += cell_fibre_energy(lattice, topology, term, particle, |p| displacement[p as usize]);
         }
         energy += 0.5 * f64::from(assembly.mass[p]) * v.norm_squared();
         energy += 0.25 * dt * v.dot(&(elastic[p] + all[p]));

@@ -20,6 +20,7 @@
 
 use rayon::prelude::*;
 
+use super::effects::fibres::in_slots;
 use super::parting::Parting;
 use super::slot_constants::{SlotConstants, to_slots, with_law};
 use super::stable_dt::{DampingTimes, Limits, SAFETY, damping_times, whole_moduli};
@@ -55,6 +56,8 @@ pub struct StepControl {
     damping_time: Option<Vec<f32>>,
     /// Volume modulus of the whole cell above each slot [Pa].
     modulus: Option<Vec<f32>>,
+    /// Fibres of the same cells [Pa^1/2].
+    fibres: Option<[Vec<f32>; 3]>,
     /// Severed springs whose cells have been taken out.
     severed: usize,
     /// `4 / dt` of the stiffest particle of each block when it was last looked at [1/s]; empty before the first look.
@@ -114,6 +117,7 @@ impl StepControl {
             inverse_mass: to_slots(layout, &assembly.mass.iter().map(inverse).collect::<Vec<_>>()),
             damping_time,
             modulus,
+            fibres: assembly.fibres.as_ref().map(|term| in_slots(lattice, layout, world.topology(), term)),
             severed: world.topology().severed().len(),
             rate: Vec::new(),
             parting: Parting::new(world),
@@ -251,7 +255,7 @@ impl StepControl {
     /// `4 / dt` of each slot's own limit `dt`.
     fn rates(&self, world: &World, block: usize, buffers: &mut Buffers) {
         let neighbours = &world.layout.neighbours[block];
-        let Buffers { displacement, constants, modulus, cells, rate } = buffers;
+        let Buffers { displacement, constants, modulus, fibres, cells, rate } = buffers;
         for axis in 0..3 {
             gather(&world.displacement[axis], neighbours, &mut displacement[axis]);
         }
@@ -259,12 +263,21 @@ impl StepControl {
         if let Some(values) = &self.modulus {
             gather(values, neighbours, modulus);
         }
+        let fibres = match &self.fibres {
+            None => None,
+            Some(root) => {
+                let halos = fibres.get_or_insert_with(|| Box::new([[0.0; HALO_LEN]; 3]));
+                root.iter().zip(halos.iter_mut()).for_each(|(values, halo)| gather(values, neighbours, halo));
+                Some(halos.each_ref())
+            }
+        };
         let step = StepConstants::new(world.lattice().pitch, world.dt(), [0.0; 3]);
         let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
         let state = TangentState {
             displacement: displacement.each_ref(),
             inverse_mass: self.inverse_mass[slots.clone()].try_into().expect("whole blocks"),
             modulus: self.modulus.is_some().then_some(&*modulus),
+            fibres,
             pitch: step.pitch,
             rest_length: step.rest_length,
         };
@@ -303,14 +316,14 @@ impl StepControl {
         world.layout.particle_of_slot(world.lattice(), slot).unwrap_or(0)
     }
 
-    /// A cell with a severed spring has no volume term.
+    /// A cell with a severed spring has no volume term and no fibres.
     fn forget_severed_cells(&mut self, world: &World) {
         let severed = world.topology().severed();
-        if let Some(modulus) = &mut self.modulus {
-            let lattice = world.lattice();
+        let lattice = world.lattice();
+        for values in self.modulus.iter_mut().chain(self.fibres.iter_mut().flatten()) {
             for spring in &severed[self.severed..] {
                 for cell in lattice.cells_of_spring(spring.particle, usize::from(spring.direction)) {
-                    modulus[world.layout.slot[cell as usize] as usize] = 0.0;
+                    values[world.layout.slot[cell as usize] as usize] = 0.0;
                 }
             }
         }
@@ -327,6 +340,8 @@ struct Buffers {
     displacement: [Halo; 3],
     constants: Halo,
     modulus: Halo,
+    /// Only where there are fibres.
+    fibres: Option<Box<[Halo; 3]>>,
     cells: CellTangents,
     rate: [f32; BLOCK_LEN],
 }
@@ -338,6 +353,7 @@ impl Buffers {
             displacement: [zeros; 3],
             constants: zeros,
             modulus: zeros,
+            fibres: None,
             cells: CellTangents::default(),
             rate: [0.0; BLOCK_LEN],
         })

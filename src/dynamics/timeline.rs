@@ -4,11 +4,13 @@
 //! blade is already where it is to be at its end, so it runs one step ahead of the tissue it meets.
 
 use super::drive::Handle;
+use super::effects::pressure::{Face, boundary_faces, lip_faces};
 use super::world::{Moment, World};
 use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::Lattice;
-use crate::scene::resolved::{Action, Operation};
+use crate::lattice::SeveredSpring;
+use crate::scene::resolved::{Action, Operation, Pressed};
 
 /// The blade is tested against the springs as soon as edge and tissue together may have moved this far [pitches]. In
 /// between, the ways of the particles are taken as straight. A run that ends within a cut leaves the rest untested.
@@ -18,6 +20,20 @@ const TEST_INTERVAL: f64 = 0.125;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TimelineError {
+    /// A region of a pressure holds no face.
+    #[error(
+        "`{operation}`: its region selects no face; faces are pressed where cells of model \"tissue\" border on nothing, and the \
+         organs span ({:.1}, {:.1}, {:.1}) to ({:.1}, {:.1}, {:.1}) mm (RAS+): move or enlarge the region",
+        min.x, min.y, min.z, max.x, max.y, max.z
+    )]
+    NoFace {
+        /// Name of the operation.
+        operation: String,
+        /// Lowest coordinates of any particle at rest, RAS+ [mm].
+        min: Point3,
+        /// Highest coordinates of any particle at rest, RAS+ [mm].
+        max: Point3,
+    },
     /// A region holds no particle.
     #[error(
         "`{operation}`: its region selects no particle; the organs span ({:.1}, {:.1}, {:.1}) to ({:.1}, {:.1}, {:.1}) mm \
@@ -48,7 +64,7 @@ pub struct Event {
 /// What happened to an operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
-    /// It began, on this many particles (0 for a cut).
+    /// It began, on this many particles (faces for a pressure, 0 for a cut and for the lips of one).
     Began(usize),
     /// It ended, or the run did.
     Ended,
@@ -62,12 +78,18 @@ pub enum What {
 #[derive(Debug)]
 pub struct Timeline {
     entries: Vec<Entry>,
+    /// What cuts have severed so far, for those that press on their lips: name of the cut and springs.
+    severed: Vec<(String, Vec<SeveredSpring>)>,
 }
 
 #[derive(Debug)]
 struct Entry {
     operation: Operation,
     particles: Vec<u32>,
+    /// Of a pressure.
+    faces: Vec<Face>,
+    /// Severed springs whose lips it knows.
+    lips: usize,
     state: State,
 }
 
@@ -101,6 +123,7 @@ impl Timeline {
         let entries = operations
             .iter()
             .map(|operation| {
+                let mut pressed = Vec::new();
                 let particles = match &operation.action {
                     Action::Fix { region } | Action::Force { region, .. } | Action::Grab { region, .. } => {
                         let particles = region.select(lattice);
@@ -110,19 +133,44 @@ impl Timeline {
                         }
                         particles
                     }
-                    Action::Cut { .. } => Vec::new(),
+                    Action::Pressure { on: Pressed::Border(region), .. } => {
+                        pressed = boundary_faces(lattice, region);
+                        if pressed.is_empty() {
+                            let (min, max) = extent(lattice);
+                            return Err(TimelineError::NoFace { operation: operation.name.clone(), min, max });
+                        }
+                        Vec::new()
+                    }
+                    Action::Pressure { on: Pressed::LipsOf(_), .. } | Action::Cut { .. } => Vec::new(),
                 };
-                Ok(Entry { operation: operation.clone(), particles, state: State::Waiting })
+                let operation = operation.clone();
+                Ok(Entry { operation, particles, faces: pressed, lips: 0, state: State::Waiting })
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { entries })
+        let mut severed: Vec<(String, Vec<SeveredSpring>)> = Vec::new();
+        for operation in operations {
+            if let Action::Pressure { on: Pressed::LipsOf(cut), .. } = &operation.action {
+                severed.push((cut.clone(), Vec::new()));
+            }
+        }
+        severed.sort_by(|a, b| a.0.cmp(&b.0));
+        severed.dedup_by(|a, b| a.0 == b.0);
+        Ok(Self { entries, severed })
     }
 
     /// Applies everything that is due before the world's next step. To be called before every step.
     pub fn advance(&mut self, world: &mut World) -> Vec<Event> {
         let mut events = Vec::new();
         for entry in &mut self.entries {
+            let before = world.topology().severed().len();
             entry.advance(world, &mut events);
+            let name = &entry.operation.name;
+            for (_, springs) in self.severed.iter_mut().filter(|(cut, _)| cut == name) {
+                springs.extend_from_slice(&world.topology().severed()[before..]);
+            }
+        }
+        if !self.severed.is_empty() {
+            self.entries.iter_mut().for_each(|entry| entry.follow_lips(world, &self.severed));
         }
         events
     }
@@ -149,6 +197,21 @@ impl Timeline {
 }
 
 impl Entry {
+    /// Presses on the lips of a cut as far as it has come.
+    fn follow_lips(&mut self, world: &mut World, severed: &[(String, Vec<SeveredSpring>)]) {
+        let (State::Acting(handle), Action::Pressure { on: Pressed::LipsOf(cut), .. }) =
+            (&self.state, &self.operation.action)
+        else {
+            return;
+        };
+        if let Some((_, springs)) = severed.iter().find(|(name, _)| name == cut)
+            && springs.len() > self.lips
+        {
+            self.lips = springs.len();
+            world.press_instead(*handle, &lip_faces(world.lattice(), world.topology(), springs));
+        }
+    }
+
     fn advance(&mut self, world: &mut World, events: &mut Vec<Event>) {
         let (now, dt) = (world.time(), world.dt());
         // Times are multiples of dt only up to rounding.
@@ -161,6 +224,7 @@ impl Entry {
             self.state = match &self.operation.action {
                 Action::Fix { .. } => State::Acting(world.hold(&self.particles)),
                 Action::Force { .. } => State::Acting(world.push(&self.particles)),
+                Action::Pressure { .. } => State::Acting(world.press(&self.faces)),
                 Action::Grab { .. } => State::Acting(world.grab(&self.particles)),
                 Action::Cut { blade, path } => State::Cutting(Cutting {
                     blade: blade_in_lattice(world.lattice(), blade, path),
@@ -170,7 +234,7 @@ impl Entry {
                     severed: 0,
                 }),
             };
-            report(What::Began(self.particles.len()));
+            report(What::Began(self.particles.len() + self.faces.len()));
         }
 
         match (&mut self.state, &self.operation.action) {
@@ -180,8 +244,10 @@ impl Entry {
                 self.state = State::Done;
             }
             (State::Acting(handle), Action::Force { force, ramp, .. }) => {
-                let share = if *ramp > 0.0 { ((now - from) / ramp).clamp(0.0, 1.0) } else { 1.0 };
-                world.set_force(*handle, force * share);
+                world.set_force(*handle, force * ramped(now - from, *ramp));
+            }
+            (State::Acting(handle), Action::Pressure { pressure, ramp, .. }) => {
+                world.set_pressure(*handle, pressure * ramped(now - from, *ramp));
             }
             (State::Acting(handle), Action::Grab { path, arrive, .. }) => {
                 world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));
@@ -222,6 +288,11 @@ impl Cutting {
         self.before = Some(world.moment());
         self.moved = 0.0;
     }
+}
+
+/// Share of a load that grows from zero over a time [s].
+fn ramped(since: f64, ramp: f64) -> f64 {
+    if ramp > 0.0 { (since / ramp).clamp(0.0, 1.0) } else { 1.0 }
 }
 
 /// The point at a share (0..=1) of the length of a polyline.

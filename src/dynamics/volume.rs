@@ -16,10 +16,10 @@ use crate::material::VolumeTerm;
 
 /// Buffers of one worker thread.
 pub(super) struct CellScratch {
-    modulus: Halo,
-    viscosity: Halo,
-    planes: CellPlanes,
-    force: [[f32; BLOCK_LEN]; 3],
+    pub(super) modulus: Halo,
+    pub(super) viscosity: Halo,
+    pub(super) planes: CellPlanes,
+    pub(super) force: [[f32; BLOCK_LEN]; 3],
 }
 
 impl CellScratch {
@@ -35,7 +35,7 @@ impl CellScratch {
 
 /// Which body steps a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum BlockKind {
+pub(super) enum BlockKind {
     /// No cell that touches the block has a term, now or later.
     Nothing,
     /// Every cell that touches the block has these constants; viscosity 0 when nothing damps.
@@ -115,6 +115,24 @@ impl CellVolumes {
     pub(super) fn forget_alike_blocks(&mut self) {
         for kind in self.kind.iter_mut().filter(|kind| **kind != BlockKind::Nothing) {
             *kind = BlockKind::General;
+        }
+    }
+
+    /// Which body steps a block.
+    pub(super) fn kind(&self, block: usize) -> BlockKind {
+        self.kind[block]
+    }
+
+    /// True when some cell has a viscosity.
+    pub(super) fn viscous(&self) -> bool {
+        self.viscosity.is_some()
+    }
+
+    /// Copies modulus and viscosity of a block's cells with halo.
+    pub(super) fn gather(&self, neighbours: &[u32; 27], own: &mut CellScratch) {
+        gather(&self.modulus, neighbours, &mut own.modulus);
+        if let Some(viscosity) = &self.viscosity {
+            gather(viscosity, neighbours, &mut own.viscosity);
         }
     }
 

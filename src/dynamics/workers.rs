@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard};
 
+use super::effects::fibres::FibreScratch;
 use super::springs::Scratch;
 use super::volume::CellScratch;
 
@@ -10,11 +11,13 @@ pub(super) struct Worker {
     pub(super) scratch: Box<Scratch>,
     /// Made by the first block that has cells with a volume term.
     pub(super) cells: Option<Box<CellScratch>>,
+    /// Made by the first block with fibres.
+    pub(super) fibres: Option<Box<FibreScratch>>,
 }
 
 impl Default for Worker {
     fn default() -> Self {
-        Self { scratch: Scratch::new(), cells: None }
+        Self { scratch: Scratch::new(), cells: None, fibres: None }
     }
 }
 

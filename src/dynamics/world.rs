@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
+use super::effects::Drag;
+use super::effects::fibres::{CellFibres, FibreScratch};
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, block_of};
 use super::stable_dt::Limits;
@@ -127,6 +129,8 @@ pub struct World {
     pub(super) springs: BlockSprings,
     /// `None` when no cell has a volume term: then nothing is stored, loaded or computed for it.
     cells: Option<CellVolumes>,
+    /// `None` when no cell has fibres: the same.
+    fibres: Option<Box<CellFibres>>,
     /// Displacement x, y, z of each slot [m].
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
@@ -148,6 +152,8 @@ pub struct World {
     axes: Matrix3,
     pub(super) gravity: Vector3,
     arithmetic: Arithmetic,
+    /// `None` without drag.
+    pub(super) drag: Option<Drag>,
     dt: f64,
     steps: u64,
     /// Time and number of steps when the step was last changed.
@@ -168,7 +174,7 @@ impl World {
     ///
     /// # Panics
     /// If the assembly is not the lattice's, `dt` is not positive, or a free rigid particle has no mass; if cells have a
-    /// volume term although the springs are not sums over cells, or its viscosity comes without damped springs (old
+    /// volume term or fibres although the springs are not sums over cells, or its viscosity comes without damped springs (old
     /// velocities are kept only for these).
     pub fn new(lattice: Lattice, assembly: Assembly, dt: f64) -> Self {
         assert_eq!(assembly.mass.len(), lattice.len(), "one mass per particle");
@@ -176,8 +182,12 @@ impl World {
         let layout = BlockLayout::new(&lattice);
         let topology = Topology::new(&lattice);
         let springs = BlockSprings::new(&layout, &assembly, topology.alive());
+        let by_cells = matches!(assembly.stiffness, SpringConstants::SumOfCells { .. });
+        let fibres = assembly.fibres.as_ref().map(|term| {
+            assert!(by_cells, "only springs that are sums over cells are joined by fibres");
+            Box::new(CellFibres::new(&lattice, &layout, &topology, term, dt))
+        });
         let cells = assembly.volume.as_ref().map(|term| {
-            let by_cells = matches!(assembly.stiffness, SpringConstants::SumOfCells { .. });
             assert!(by_cells, "only springs that are sums over cells are joined by a volume term");
             assert!(term.viscosity.is_none() || springs.damped(), "a volume term with viscosity needs damped springs");
             CellVolumes::new(&lattice, &layout, &topology, term, dt)
@@ -199,6 +209,7 @@ impl World {
             axes,
             gravity: Vector3::zeros(),
             arithmetic: Arithmetic::default(),
+            drag: None,
             dt,
             steps: 0,
             since: (0.0, 0),
@@ -212,6 +223,7 @@ impl World {
             layout,
             springs,
             cells,
+            fibres,
         };
         for particle in 0..world.lattice.len() {
             world.refresh(world.layout.slot[particle]);
@@ -268,6 +280,9 @@ impl World {
         self.dt = dt;
         if let Some(cells) = &mut self.cells {
             cells.set_dt(self.lattice.pitch, dt);
+        }
+        if let Some(fibres) = &mut self.fibres {
+            fibres.set_dt(self.lattice.pitch, dt);
         }
         for (particle, &slot) in self.layout.slot.iter().enumerate() {
             let weight = &mut self.dt_over_mass[slot as usize];
@@ -381,7 +396,8 @@ impl World {
         let assembled = self.assembly.volume.as_ref();
         let assembled = assembled.map_or(0, |term| term.modulus.len() + term.viscosity.as_ref().map_or(0, Vec::len));
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
-        (state + self.springs.bytes() + cells + lattice + constants + rigid) as f64 / self.lattice.len() as f64
+        let fibres = self.fibres.as_ref().map_or(0, |fibres| fibres.bytes() + 12 * self.lattice.len());
+        (state + self.springs.bytes() + cells + fibres + lattice + constants + rigid) as f64 / self.lattice.len() as f64
     }
 
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
@@ -400,6 +416,7 @@ impl World {
         // Lent to what changes velocities, and given back whatever happens.
         let mut fastest = std::mem::take(&mut self.next_fastest);
         self.apply_drives(&mut fastest);
+        self.apply_drag(&mut fastest);
         self.advance_bodies(&mut fastest);
         let sound = self.check(&fastest).and_then(|()| self.watch_alternation(&fastest));
         self.next_fastest = fastest;
@@ -427,6 +444,7 @@ impl World {
             layout,
             springs,
             cells,
+            fibres,
             workers,
             ..
         } = self;
@@ -441,7 +459,7 @@ impl World {
         let groups = (x.par_chunks_mut(GROUP), y.par_chunks_mut(GROUP), z.par_chunks_mut(GROUP));
         let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(BLOCKS_PER_TASK));
         groups.enumerate().for_each(|(group, ((x, y, z), fastest))| {
-            let Worker { scratch, cells: cell_scratch } = &mut *workers.own();
+            let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch } = &mut *workers.own();
             let mut rest = [x, y, z];
             for (place, fastest) in fastest.iter_mut().enumerate() {
                 let block = group * BLOCKS_PER_TASK + place;
@@ -472,9 +490,17 @@ impl World {
                 if let Some(rigid) = rigid {
                     rigid.clear_block(block, &mut out);
                 }
-                let force = cells.as_ref().and_then(|cells| {
-                    cells.forces(layout, block, scratch, cell_scratch.get_or_insert_with(CellScratch::new))
-                });
+                let force = match (&*fibres, &*cells) {
+                    (None, None) => None,
+                    (None, Some(cells)) => {
+                        cells.forces(layout, block, scratch, cell_scratch.get_or_insert_with(CellScratch::new))
+                    }
+                    (Some(fibres), cells) => {
+                        let own = cell_scratch.get_or_insert_with(CellScratch::new);
+                        let halos = fibre_scratch.get_or_insert_with(FibreScratch::new);
+                        fibres.forces(cells.as_ref(), layout, block, scratch, own, halos)
+                    }
+                };
                 let dt_over_mass = block_of(dt_over_mass, block);
                 let input = BlockInput { scratch, cells: force, dt_over_mass, ahead: &ahead };
                 *fastest = springs.kick(arithmetic, step, layout, block, input, out);
@@ -618,6 +644,11 @@ impl World {
                         cells.drop_cell(&self.lattice, &self.layout, cell);
                     }
                 }
+                if let Some(fibres) = &mut self.fibres {
+                    for cell in self.lattice.cells_of_spring(spring.particle, direction) {
+                        fibres.drop_cell(&self.lattice, &self.layout, cell);
+                    }
+                }
                 count += 1;
                 if let Some(parts) = &self.assembly.rigid {
                     let ends = [spring.particle, far];
@@ -639,6 +670,9 @@ impl World {
         self.springs.forget_alike_blocks();
         if let Some(cells) = &mut self.cells {
             cells.forget_alike_blocks();
+        }
+        if let Some(fibres) = &mut self.fibres {
+            fibres.forget_alike_blocks();
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, Topology};
-use crate::material::{Assembly, VolumeTerm};
+use crate::material::{Assembly, FibreTerm, VolumeTerm};
 
 /// Force of all living springs on each particle, lattice axes [N]. Shape `[particles]`.
 ///
@@ -97,6 +97,53 @@ pub fn cell_volume_energy(
     let change = (Matrix3::identity() + mean_gradient(h, corners.map(displacement))).determinant() - 1.0;
     let bound = if modulus < 0.0 { 1.0 + change * change } else { 1.0 };
     0.5 * modulus * h.powi(3) * change * change / bound
+}
+
+/// Force of all cells' fibres on each particle, lattice axes [N]. Shape `[particles]`; see [`crate::material::FibreTerm`] for
+/// the law. Cells with a severed spring or a missing corner add nothing.
+///
+/// - `displacement` [m]: shape `[particles]`, lattice axes.
+pub fn fibre_forces(
+    lattice: &Lattice,
+    topology: &Topology,
+    assembly: &Assembly,
+    displacement: &[Vector3],
+) -> Vec<Vector3> {
+    let mut force = vec![Vector3::zeros(); lattice.len()];
+    let Some(term) = &assembly.fibres else { return force };
+    let h = lattice.pitch;
+    for cell in 0..lattice.len() as u32 {
+        let root = Vector3::from(term.root[cell as usize].map(f64::from));
+        let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| root != Vector3::zeros()) else { continue };
+        let now = (Matrix3::identity() + mean_gradient(h, corners.map(|p| displacement[p as usize]))) * root;
+        let stretch = now.norm() - root.norm();
+        if stretch > 0.0 {
+            for (c, &corner) in corners.iter().enumerate() {
+                force[corner as usize] -= now.normalize() * (stretch * h.powi(3) * root.dot(&shape_gradient(h, c)));
+            }
+        }
+    }
+    force
+}
+
+/// Energy of the fibres of the cell above a particle [J]; 0 when they are slack or the cell is not whole.
+///
+/// - `displacement` of a particle [m], lattice axes.
+pub fn cell_fibre_energy(
+    lattice: &Lattice,
+    topology: &Topology,
+    term: &FibreTerm,
+    cell: u32,
+    displacement: impl Fn(u32) -> Vector3,
+) -> f64 {
+    let root = Vector3::from(term.root[cell as usize].map(f64::from));
+    let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| root != Vector3::zeros()) else { return 0.0 };
+    let h = lattice.pitch;
+    let moved = mean_gradient(h, corners.map(displacement)) * root;
+    // |b + G b| - |b| without cancellation.
+    let change = moved.dot(&(2.0 * root + moved));
+    let stretch = change / ((root + moved).norm() + root.norm());
+    0.5 * h.powi(3) * stretch.max(0.0).powi(2)
 }
 
 /// Mean gradient over a cell of the field with these values at its corners (x fastest).

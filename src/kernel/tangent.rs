@@ -3,13 +3,15 @@
 //! A spring of length `l` with unit vector `n` has the tangent `k [n n^T + (1 - L / l) (I - n n^T)]`; a negative part
 //! (the spring is compressed) is left out. A cell has `lambda h^3 [(cof F g)(cof F g)^T + (J - 1) d2J]`, and since
 //! `J(F + H)` is at most `|F| |H|^2` away from its linear part, the second term adds at most `|lambda| h |J - 1| |F|` to each
-//! corner. As at rest, springs count twice and the rank-one part of a cell eight times.
+//! corner. As at rest, springs count twice and the rank-one part of a cell eight times; what fibres add stands in
+//! [`super::fibres`].
 //!
 //! A particle far from balance is moved past its neighbours before any tangent means something: a force that would carry
 //! it further than [`LEAP`] counts as the stiffness that would do the same.
 
 use multiversion::multiversion;
 
+use super::fibres::{FibreTangents, add_tangents, fill_tangents};
 use super::halo::{HALO_LEN, Halo, halo_row};
 use super::laws::{Alive, SpringConstant};
 use super::rows::{LANES, Lanes, column_of, row_of, row_of_block, rows_around};
@@ -26,11 +28,13 @@ pub const LEAP: f32 = 0.5;
 pub struct CellTangents {
     cofactor: [Halo; 9],
     pressure: Halo,
+    /// Only where there are fibres.
+    fibres: Option<Box<FibreTangents>>,
 }
 
 impl Default for CellTangents {
     fn default() -> Self {
-        Self { cofactor: [[0.0; HALO_LEN]; 9], pressure: [0.0; HALO_LEN] }
+        Self { cofactor: [[0.0; HALO_LEN]; 9], pressure: [0.0; HALO_LEN], fibres: None }
     }
 }
 
@@ -43,6 +47,8 @@ pub struct TangentState<'a> {
     pub inverse_mass: &'a [f32; BLOCK_LEN],
     /// Volume modulus of the cell above each grid point with halo [Pa], 0 where a spring of the cell is severed.
     pub modulus: Option<&'a Halo>,
+    /// Fibres of the same cells, x, y, z [Pa^1/2]; see [`super::fibres`].
+    pub fibres: Option<[&'a Halo; 3]>,
     /// Distance of neighbouring particles [m].
     pub pitch: f32,
     /// Rest length of face, face-diagonal and body-diagonal springs [m].
@@ -62,6 +68,10 @@ pub fn stiffest<K: SpringConstant, A: Alive>(
     if let Some(modulus) = state.modulus {
         cell_tangents(modulus, &state, cells);
     }
+    if let Some(root) = state.fibres {
+        let fibres = cells.fibres.get_or_insert_with(FibreTangents::new);
+        fill_tangents(root, state.displacement, state.pitch, fibres);
+    }
     for z in 0..BLOCK[2] {
         for y in 0..BLOCK[1] {
             let start = (z * BLOCK[1] + y) * LANES;
@@ -75,6 +85,9 @@ pub fn stiffest<K: SpringConstant, A: Alive>(
             add_springs::<K, A>(&stiffness.row(y, z), &alive.row(y, z), &state, [y, z], &mut block, &mut force);
             if state.modulus.is_some() {
                 add_cells(cells, y, z, &mut block);
+            }
+            if let (Some(root), Some(fibres)) = (state.fibres, &cells.fibres) {
+                add_tangents(root, fibres, y, z, &mut block);
             }
             for lane in 0..LANES {
                 let [x, y, z] = [0, 1, 2].map(|axis| force[axis][lane]);

@@ -24,6 +24,8 @@
 //! threads nor on how blocks follow each other. The forces on a cell's eight corners cancel to rounding, and so do their
 //! moments, as `cof(F) F^T` is symmetric.
 //!
+//! Fibres, where a block has any, add their stress to the nine numbers of their cells, see [`super::fibres`].
+//!
 //! Only additions, multiplications and divisions are used, never fused: the bits are the same on every instruction set.
 //!
 //! Not guaranteed: no resistance to hourglass modes, which leave `G` alone (springs resist them), and a finite energy at
@@ -31,6 +33,7 @@
 //!
 //! Source: the mean-gradient form is the B-bar idea of Hughes (1980), which keeps nearly incompressible cubes from locking.
 
+use super::fibres::{Fibres, pull};
 use super::halo::{HALO_ROW, Halo};
 use super::laws::Absent;
 use super::rows::{LANES, Lanes};
@@ -167,21 +170,33 @@ pub fn block_volume_forces<M: CellConstant, V: CellConstant>(
     work: &mut CellPlanes,
     force: &mut [[f32; BLOCK_LEN]; 3],
 ) {
+    block_cell_forces(step, (modulus, viscosity, Absent), displacement, velocity, work, force);
+}
+
+/// The same with the forces of the cells' fibres: modulus, viscosity and fibres of the cells.
+#[inline(always)]
+pub fn block_cell_forces<M: CellConstant, V: CellConstant, F: Fibres>(
+    step: CellStep,
+    of_cells: (M, V, F),
+    displacement: [&Halo; 3],
+    velocity: [&Halo; 3],
+    work: &mut CellPlanes,
+    force: &mut [[f32; BLOCK_LEN]; 3],
+) {
     let CellPlanes { planes: [even, odd], sums } = work;
-    cell_plane(step, &modulus, &viscosity, displacement, velocity, 0, even);
+    cell_plane(step, &of_cells, displacement, velocity, 0, even);
     for z in 0..BLOCK[2] {
         let (below, above) = if z % 2 == 0 { (&*even, &mut *odd) } else { (&*odd, &mut *even) };
-        cell_plane(step, &modulus, &viscosity, displacement, velocity, z + 1, above);
+        cell_plane(step, &of_cells, displacement, velocity, z + 1, above);
         particle_plane(below, above, sums, z, force);
     }
 }
 
 /// The nine numbers of every cell whose lowest corners lie in one plane of the halo.
 #[inline(always)]
-fn cell_plane<M: CellConstant, V: CellConstant>(
+fn cell_plane<M: CellConstant, V: CellConstant, F: Fibres>(
     step: CellStep,
-    modulus: &M,
-    viscosity: &V,
+    (modulus, viscosity, fibres): &(M, V, F),
     displacement: [&Halo; 3],
     velocity: [&Halo; 3],
     plane: usize,
@@ -190,8 +205,9 @@ fn cell_plane<M: CellConstant, V: CellConstant>(
     for place in 0..CELL_GROUPS {
         let start = (place * LANES).min(LAST_GROUP);
         let first = plane * HALO_PLANE + start;
-        let modulus = modulus.lanes(first);
-        if modulus.iter().all(|&value| value == 0.0) {
+        let (modulus, fibres) = (modulus.lanes(first), fibres.lanes(first));
+        let slack = !F::PRESENT || fibres.iter().all(|axis| axis.iter().all(|&value| value == 0.0));
+        if slack && modulus.iter().all(|&value| value == 0.0) {
             for number in out.iter_mut() {
                 number[start..start + LANES].fill(0.0);
             }
@@ -210,8 +226,9 @@ fn cell_plane<M: CellConstant, V: CellConstant>(
             ],
             modulus,
             viscosity: viscosity.lanes(first),
+            fibres,
         };
-        let numbers = cell_group::<V>(step, &cells);
+        let numbers = cell_group::<M, V, F>(step, &cells);
         for (number, lanes) in out.iter_mut().zip(&numbers) {
             number[start..start + LANES].copy_from_slice(lanes);
         }
@@ -224,14 +241,25 @@ struct Cells<'a> {
     velocity: [[&'a Lanes; 8]; 3],
     modulus: &'a Lanes,
     viscosity: &'a Lanes,
+    fibres: [&'a Lanes; 3],
 }
 
 #[inline(always)]
-fn cell_group<V: CellConstant>(step: CellStep, cells: &Cells<'_>) -> [Lanes; 9] {
+fn cell_group<M: CellConstant, V: CellConstant, F: Fibres>(step: CellStep, cells: &Cells<'_>) -> [Lanes; 9] {
     let mut out = [[0.0; LANES]; 9];
     for lane in 0..LANES {
         let [u, v, w] = &cells.displacement;
         let g = [gradient(u, lane, step.gradient), gradient(v, lane, step.gradient), gradient(w, lane, step.gradient)];
+        if F::PRESENT {
+            let root = [cells.fibres[0][lane], cells.fibres[1][lane], cells.fibres[2][lane]];
+            let [x, y, z] = pull(&g, root);
+            let along = [step.area * x, step.area * y, step.area * z];
+            macro_rules! store { ($($number:literal)*) => { $( out[$number][lane] = along[$number / 3] * root[$number % 3]; )* } }
+            store!(0 1 2 3 4 5 6 7 8);
+        }
+        if !M::PRESENT {
+            continue;
+        }
         let small = cofactor(&g);
         let trace = g[0][0] + g[1][1] + g[2][2];
         let change = trace + (small[0][0] + small[1][1] + small[2][2]) + contract(&g[0], &small[0]);
@@ -258,7 +286,10 @@ fn cell_group<V: CellConstant>(step: CellStep, cells: &Cells<'_>) -> [Lanes; 9] 
         }
         // A cell that is not whole can have a corner anywhere: nothing of what was computed from it may pass.
         let scale = if modulus == 0.0 { 0.0 } else { pressure * step.area };
-        macro_rules! store { ($($number:literal)*) => { $( out[$number][lane] = scale * cof[$number / 3][$number % 3]; )* } }
+        macro_rules! store { ($($number:literal)*) => { $( {
+            let number = scale * cof[$number / 3][$number % 3];
+            out[$number][lane] = if F::PRESENT { out[$number][lane] + number } else { number };
+        } )* } }
         store!(0 1 2 3 4 5 6 7 8);
     }
     out

@@ -73,67 +73,95 @@ impl Region {
         (0u32..).zip(&members).filter(|&(_, &member)| member).map(|(particle, _)| particle).collect()
     }
 
+    /// For each of some places other than particles whether it belongs to the region; each has the organ it is part of.
+    ///
+    /// - `places` RAS+ [mm] and `organs`, by their index in the scene: one of each per place.
+    ///
+    /// # Panics
+    /// If there are not as many organs as places.
+    pub fn among(&self, places: &[Point3], organs: &[u8]) -> Vec<bool> {
+        assert_eq!(places.len(), organs.len(), "one organ per place");
+        let of_organ = |organ: usize| organs.iter().map(|&own| usize::from(own) == organ).collect();
+        self.members_of(&Sites { count: places.len(), place: &|site| places[site], of_organ: &of_organ })
+    }
+
     /// For each particle whether it belongs to the region.
     fn members(&self, lattice: &Lattice) -> Vec<bool> {
+        let place = |particle: usize| lattice.grid.place(lattice.points[particle] as usize);
+        let of_organ = |organ: usize| {
+            let is_organ = |own: u8| own != super::FRINGE && usize::from(own) == organ;
+            if !lattice.has_cells() {
+                return lattice.organ.iter().map(|&own| is_organ(own)).collect();
+            }
+            let mut members = vec![false; lattice.len()];
+            for particle in (0..lattice.len() as u32).filter(|&p| is_organ(lattice.cell_organ[p as usize])) {
+                lattice.cell(particle).into_iter().flatten().for_each(|corner| members[corner as usize] = true);
+            }
+            members
+        };
+        self.members_of(&Sites { count: lattice.len(), place: &place, of_organ: &of_organ })
+    }
+
+    fn members_of(&self, sites: &Sites<'_>) -> Vec<bool> {
         match self {
             Self::Sphere { center, radius } => {
                 let reach = radius + BORDER;
-                by_place(lattice, |place| (place - center).norm_squared() <= reach * reach)
+                sites.by_place(|place| (place - center).norm_squared() <= reach * reach)
             }
-            Self::Box { min, max } => by_place(lattice, |place| {
+            Self::Box { min, max } => sites.by_place(|place| {
                 (0..3).all(|axis| place[axis] >= min[axis] - BORDER && place[axis] <= max[axis] + BORDER)
             }),
             Self::HalfSpace { point, normal } => {
                 let normal = normal / normal.norm();
-                by_place(lattice, |place| normal.dot(&(place - point)) >= -BORDER)
+                sites.by_place(|place| normal.dot(&(place - point)) >= -BORDER)
             }
-            Self::Organ(organ) => {
-                let is_organ = |own: u8| own != super::FRINGE && usize::from(own) == *organ;
-                if !lattice.has_cells() {
-                    return lattice.organ.iter().map(|&own| is_organ(own)).collect();
-                }
-                let mut members = vec![false; lattice.len()];
-                for particle in (0..lattice.len() as u32).filter(|&p| is_organ(lattice.cell_organ[p as usize])) {
-                    lattice.cell(particle).into_iter().flatten().for_each(|corner| members[corner as usize] = true);
-                }
-                members
-            }
-            Self::Nearest { point, count } => nearest(lattice, point, *count),
-            Self::All(regions) => combine(lattice, regions, true, |a, b| a && b),
-            Self::Any(regions) => combine(lattice, regions, false, |a, b| a || b),
-            Self::Not(region) => region.members(lattice).into_iter().map(|member| !member).collect(),
+            Self::Organ(organ) => (sites.of_organ)(*organ),
+            Self::Nearest { point, count } => sites.nearest(point, *count),
+            Self::All(regions) => sites.combine(regions, true, |a, b| a && b),
+            Self::Any(regions) => sites.combine(regions, false, |a, b| a || b),
+            Self::Not(region) => region.members_of(sites).into_iter().map(|member| !member).collect(),
         }
     }
 }
 
-fn by_place(lattice: &Lattice, inside: impl Fn(Point3) -> bool) -> Vec<bool> {
-    lattice.points.iter().map(|&point| inside(lattice.grid.place(point as usize))).collect()
+/// What a region selects from.
+struct Sites<'a> {
+    count: usize,
+    /// Rest place of each, RAS+ [mm].
+    place: &'a dyn Fn(usize) -> Point3,
+    /// For each whether it belongs to an organ.
+    of_organ: &'a dyn Fn(usize) -> Vec<bool>,
 }
 
-/// Selects the `count` smallest distances; equal distances go to the lower particle number.
-fn nearest(lattice: &Lattice, point: &Point3, count: usize) -> Vec<bool> {
-    let place_of = |&at: &u32| lattice.grid.place(at as usize);
-    let mut order: Vec<(f64, u32)> =
-        lattice.points.iter().map(|at| (place_of(at) - point).norm_squared()).zip(0u32..).collect();
-    if count < order.len() {
-        order.select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        order.truncate(count);
+impl Sites<'_> {
+    fn by_place(&self, inside: impl Fn(Point3) -> bool) -> Vec<bool> {
+        (0..self.count).map(|site| inside((self.place)(site))).collect()
     }
-    let mut members = vec![false; lattice.len()];
-    for (_, particle) in order {
-        members[particle as usize] = true;
-    }
-    members
-}
 
-fn combine(lattice: &Lattice, regions: &[Region], start: bool, join: impl Fn(bool, bool) -> bool) -> Vec<bool> {
-    let mut members = vec![start; lattice.len()];
-    for region in regions {
-        for (member, other) in members.iter_mut().zip(region.members(lattice)) {
-            *member = join(*member, other);
+    /// Selects the `count` smallest distances; equal distances go to the lower number.
+    fn nearest(&self, point: &Point3, count: usize) -> Vec<bool> {
+        let mut order: Vec<(f64, u32)> =
+            (0..self.count).map(|site| ((self.place)(site) - point).norm_squared()).zip(0u32..).collect();
+        if count < order.len() {
+            order.select_nth_unstable_by(count, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            order.truncate(count);
         }
+        let mut members = vec![false; self.count];
+        for (_, site) in order {
+            members[site as usize] = true;
+        }
+        members
     }
-    members
+
+    fn combine(&self, regions: &[Region], start: bool, join: impl Fn(bool, bool) -> bool) -> Vec<bool> {
+        let mut members = vec![start; self.count];
+        for region in regions {
+            for (member, other) in members.iter_mut().zip(region.members_of(self)) {
+                *member = join(*member, other);
+            }
+        }
+        members
+    }
 }
 
 #[cfg(test)]

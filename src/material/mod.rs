@@ -5,11 +5,13 @@
 
 pub mod ct_density;
 pub mod elastic;
+mod fibres;
 pub mod library;
 pub mod paper;
 mod rigid;
 pub mod tissue;
 
+pub use fibres::{FibreTerm, Fibres};
 pub use rigid::{RigidKind, RigidParts};
 
 use crate::lattice::Lattice;
@@ -43,6 +45,8 @@ pub struct Assembly {
     pub damping: Option<SpringConstants>,
     /// What cells add against a change of their volume; `None` when no cell adds anything.
     pub volume: Option<VolumeTerm>,
+    /// Fibres of the cells; `None` when no cell has any.
+    pub fibres: Option<FibreTerm>,
     /// Rigid parts that move; `None` when every rigid organ stays where it is.
     pub rigid: Option<RigidParts>,
 }

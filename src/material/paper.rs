@@ -53,6 +53,7 @@ pub fn assemble_with_rigid(
         stiffness: constants(lattice, bodies, |b| b.stiffness),
         damping: damped.then(|| constants(lattice, bodies, |b| b.damping)),
         volume: None,
+        fibres: None,
         rigid: RigidParts::new(kind),
     }
 }

@@ -161,6 +161,7 @@ pub fn assemble_varied(
             modulus: of_cells(|cell| cell.volume_modulus),
             viscosity: damped.then(|| of_cells(|cell| cell.volume_viscosity)),
         }),
+        fibres: None,
         rigid: RigidParts::new(kind),
     }
 }

@@ -6,9 +6,9 @@ use super::inputs::Inputs;
 use super::prepare::PrepareError;
 use crate::geometry::{GridShape, Point3, Vector3};
 use crate::lattice::Lattice;
-use crate::material::Assembly;
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, CellValues, Damping, TissueBody};
+use crate::material::{Assembly, FibreTerm, Fibres};
 use crate::scene::resolved::{self, Body, Model, Property, PropertyKind, Scene};
 use crate::volume::{CtVolume, LabelVolume, SAME_GRID_TOLERANCE};
 
@@ -67,10 +67,15 @@ pub(super) fn assemble(
         }
         Model::Tissue => {
             let bodies: Vec<Option<TissueBody>> = scene.organs.iter().map(tissue_body).collect();
-            tissue::assemble_varied(lattice, &bodies, &rigid_density(scene), |cell| CellValues {
+            let mut assembly = tissue::assemble_varied(lattice, &bodies, &rigid_density(scene), |cell| CellValues {
                 youngs_modulus: moduli.at(cell),
                 density: densities.at(cell),
-            })
+            });
+            let fibres = |organ: &resolved::Organ| {
+                organ.fibres.map(|resolved::Fibres { direction, modulus }| Fibres { direction, modulus })
+            };
+            assembly.fibres = FibreTerm::new(lattice, &scene.organs.iter().map(fibres).collect::<Vec<_>>());
+            assembly
         }
     };
     let spreads = (0..scene.organs.len()).map(|organ| Spreads {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::dynamics::World;
 use crate::dynamics::stable_dt::{Limits, SAFETY};
-use crate::geometry::{Point3, Vector3};
+use crate::geometry::Point3;
 use crate::lattice::build::{BuildLatticeError, build};
 use crate::lattice::cells::build_cells;
 use crate::lattice::{Lattice, Topology};
@@ -232,10 +232,11 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
 }
 
 impl Prepared {
-    /// The lattice at rest, under the scene's gravity.
-    pub fn into_world(self, gravity: Vector3) -> World {
+    /// The lattice at rest, under the scene's gravity and drag.
+    pub fn into_world(self, scene: &Scene) -> World {
         let mut world = World::new(self.lattice, self.assembly, self.schedule.dt);
-        world.set_gravity(gravity);
+        world.set_gravity(scene.gravity);
+        world.set_drag(scene.drag.unwrap_or(0.0));
         world
     }
 }

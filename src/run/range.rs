@@ -8,7 +8,7 @@ use crate::lattice::Lattice;
 use crate::lattice::build::NO_ORGAN;
 use crate::material::{Assembly, SpringConstants};
 
-/// Refuses an assembly with a mass, stiffness, damping or volume modulus that f32 cannot hold.
+/// Refuses an assembly with a mass, stiffness, damping, volume modulus or fibres that f32 cannot hold.
 ///
 /// - `names`: of the organs; `rigid`: which of them do not deform, and have neither mass nor springs of their own.
 /// - `dt` [s].
@@ -64,6 +64,15 @@ pub(super) fn check(
         let viscosity = volume.and_then(|term| term.viscosity.as_ref()).map_or(0.0, |viscosity| viscosity[particle]);
         if !(modulus.is_finite() && viscosity.is_finite()) {
             return refuse("the volume term of a cell [Pa, Pa s]", (modulus + viscosity).into());
+        }
+        let fibres = assembly.fibres.as_ref().map_or([0.0; 3], |term| term.root[particle]);
+        let squared: f32 = fibres.iter().map(|part| part * part).sum();
+        let lost = squared == 0.0 && fibres != [0.0; 3];
+        if !squared.is_finite() || lost {
+            return refuse(
+                "the modulus of a cell's fibres [Pa]",
+                fibres.iter().map(|&part| f64::from(part).powi(2)).sum(),
+            );
         }
     }
     Ok(())

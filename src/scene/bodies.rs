@@ -5,19 +5,23 @@ use std::path::Path;
 use super::checks::Checks;
 use super::diagnostics::KeyPath;
 use super::problem::{Caution, Problem, nearest_name, number};
-use super::resolved::{Body, Damping, Model, Property};
+use super::resolved::{Body, Damping, Fibres, Model, Property};
 use super::schema::{self, SceneFile};
 use super::written_property::{Written, resolve};
+use crate::geometry::Vector3;
 use crate::material::library::{Tissue, tissue, tissues};
 
 const DEFAULT_DAMPING_RATIO: f64 = 0.1;
 /// What springs alone have, so the one value without a volume term.
 const DEFAULT_POISSONS_RATIO: f64 = 0.25;
+/// Fibres that go slack and taut in turn hand energy to undamped motion: 2e-4 of it in a step in the tests, of which so much
+/// damping takes ten times more.
+const LEAST_DAMPING_OF_FIBRES: f64 = 1e-3;
 /// Nearer to 1/2 an explicit step is not worth its price, and the cells lock.
 const POISSONS_RATIO: [f64; 2] = [0.0, 0.49];
 const PAPER_KEYS: &str = "stiffness (N/m), damping (N s/m) and mass (kg)";
-const TISSUE_KEYS: &str = "youngs_modulus (Pa), density (kg/m3), poissons_ratio and damping_ratio or viscosity (Pa s), or \
-                           a material by name";
+const TISSUE_KEYS: &str = "youngs_modulus (Pa), density (kg/m3), poissons_ratio and damping_ratio or viscosity (Pa s), \
+                           fibres, or a material by name";
 
 /// Checks and resolves what an organ is made of; `None` when a problem was found.
 pub(super) fn body(
@@ -39,6 +43,7 @@ pub(super) fn body(
         ("poissons_ratio", organ.poissons_ratio.is_some()),
         ("damping_ratio", organ.damping_ratio.is_some()),
         ("viscosity", organ.viscosity.is_some()),
+        ("fibres", organ.fibres.is_some()),
     ];
     let shared = [("material", organ.material.is_some()), ("density", organ.density.is_some())];
     if organ.rigid {
@@ -64,6 +69,39 @@ pub(super) fn body(
         Model::Tissue => elastic(checks, table, organ, file, folder),
         Model::Paper => of_the_paper(checks, table, organ),
     }
+}
+
+/// Checks and resolves an organ's fibres; `None` when a problem was found. What has no place for any says so in [`body`].
+pub(super) fn fibres(
+    checks: &mut Checks<'_>,
+    table: &KeyPath,
+    organ: &schema::Organ,
+    model: Model,
+) -> Option<Option<Fibres>> {
+    let Some(written) = organ.fibres.as_ref().filter(|_| !organ.rigid && model == Model::Tissue) else {
+        return Some(None);
+    };
+    let table = table.key("fibres");
+    let before = checks.problems.len();
+    let key = table.key("direction");
+    let direction = Vector3::from(checks.triple(&key, written.direction, "any unit"));
+    if direction == Vector3::zeros() {
+        let found = "the direction is [0, 0, 0]".to_owned();
+        checks
+            .problem(&key, Problem::Degenerate { found, expected: "a vector with a length, such as [0, 0, 1]".into() });
+    }
+    let modulus = checks.above_zero(&table.key("modulus"), written.modulus, "Pa");
+    let undamped = match (organ.damping_ratio, organ.viscosity) {
+        (Some(ratio), None) => ratio < LEAST_DAMPING_OF_FIBRES,
+        (None, Some(viscosity)) => viscosity == 0.0,
+        _ => false,
+    };
+    if undamped {
+        checks.caution(&table, Caution::UndampedFibres);
+    }
+    // By its largest part first: squares of tiny or huge ones are no numbers.
+    let direction = (direction / direction.amax()).normalize();
+    (checks.problems.len() == before).then_some(Some(Fibres { direction, modulus }))
 }
 
 fn rigid(

@@ -1,10 +1,10 @@
-//! The time line: fixes, cuts, pulls and pushes, what they act on, and when they end.
+//! The time line: fixes, cuts, pulls, pushes and pressures, what they act on, and when they end.
 
 use super::checks::Checks;
 use super::diagnostics::KeyPath;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::regions::region;
-use super::resolved::{Action, Operation};
+use super::resolved::{Action, Model, Operation, Pressed};
 use super::schema::{self, SceneFile};
 use super::values::Triple;
 use crate::geometry::{Point3, Vector3};
@@ -46,6 +46,12 @@ pub(super) fn operations(checks: &mut Checks<'_>, file: &SceneFile, duration: Op
             let until = to.filter(|_| pull.path.is_none()).unwrap_or(f64::INFINITY);
             push(&mut entries, table, name(&pull.name, kind, index), from, until, action);
         }
+    }
+    for (index, pressure) in file.pressure.iter().enumerate() {
+        let table = KeyPath::top("pressure").index(index);
+        let (from, to) = span(checks, &table, pressure.from, pressure.to);
+        let action = pressed(checks, &table, pressure, file);
+        push(&mut entries, table, name(&pressure.name, "pressure", index), from, to.unwrap_or(f64::INFINITY), action);
     }
     check_names(checks, &entries);
     release(checks, file, &mut entries);
@@ -188,6 +194,47 @@ fn force_or_grab(
     }
 }
 
+fn pressed(checks: &mut Checks<'_>, table: &KeyPath, written: &schema::Pressure, file: &SceneFile) -> Option<Action> {
+    if file.lattice.model == Some(Model::Paper) {
+        let expected =
+            "model \"tissue\", whose cells have faces to press on; set lattice.model = \"tissue\" or push with a force";
+        checks.out_of_range(table, "a pressure in model \"paper\"", expected);
+    }
+    let on = match (&written.region, &written.cut) {
+        (Some(_), Some(_)) => {
+            let next = "press on what borders on nothing in a region, or on the lips of a cut".to_owned();
+            let problem = Problem::Conflict { first: "region".into(), second: "cut".into(), next };
+            checks.problem(&table.key("cut"), problem);
+            None
+        }
+        (None, None) => {
+            checks.missing(
+                table,
+                "region",
+                "say which faces, such as region = { organ = \"liver\" }, or cut = \"cut 1\"",
+            );
+            None
+        }
+        (Some(written), None) => region(checks, &table.key("region"), written, file).map(Pressed::Border),
+        (None, Some(found)) => {
+            let known: Vec<String> =
+                file.cut.iter().enumerate().map(|(index, cut)| name(&cut.name, "cut", index)).collect();
+            if !known.contains(found) {
+                let suggestion = nearest_name(found, known.iter().map(String::as_str));
+                let problem = Problem::UnknownName { kind: "cut", found: found.clone(), suggestion, known };
+                checks.problem(&table.key("cut"), problem);
+            }
+            Some(Pressed::LipsOf(found.clone()))
+        }
+    };
+    let key = table.key("pressure");
+    if !(written.pressure.is_finite() && written.pressure != 0.0) {
+        checks.out_of_range(&key, number(written.pressure), "a finite number of Pa, not 0; 1 mmHg is 133 Pa");
+    }
+    let ramp = written.ramp.map_or(0.0, |ramp| checks.not_negative(&table.key("ramp"), ramp, "s"));
+    Some(Action::Pressure { on: on?, pressure: written.pressure, ramp })
+}
+
 fn check_names(checks: &mut Checks<'_>, entries: &[Entry]) {
     for (index, Entry { table, operation }) in entries.iter().enumerate() {
         if operation.name.trim().is_empty() {
@@ -238,6 +285,7 @@ fn unknown_target(checks: &mut Checks<'_>, key: &KeyPath, file: &SceneFile, foun
         ("fix", file.fix.iter().map(|fix| &fix.name).collect::<Vec<_>>()),
         ("pull", file.pull.iter().map(|pull| &pull.name).collect()),
         ("push", file.push.iter().map(|push| &push.name).collect()),
+        ("pressure", file.pressure.iter().map(|pressure| &pressure.name).collect()),
     ]
     .into_iter()
     .flat_map(|(kind, names)| names.into_iter().enumerate().map(move |(index, own)| name(own, kind, index)))
@@ -247,7 +295,7 @@ fn unknown_target(checks: &mut Checks<'_>, key: &KeyPath, file: &SceneFile, foun
         let suggestion = nearest_name(found, known.iter().map(String::as_str));
         checks.problem(
             key,
-            Problem::UnknownName { kind: "fix, pull or push", found: found.to_owned(), suggestion, known },
+            Problem::UnknownName { kind: "fix, pull, push or pressure", found: found.to_owned(), suggestion, known },
         );
     }
 }
@@ -265,6 +313,7 @@ fn check_against_run(checks: &mut Checks<'_>, entry: &Entry, duration: f64) {
     let (finished, goal) = match action {
         Action::Fix { .. } => return,
         Action::Force { ramp, .. } => (from + ramp, "its full force"),
+        Action::Pressure { ramp, .. } => (from + ramp, "its full pressure"),
         Action::Grab { arrive, .. } => (*arrive, "the end of its path"),
         Action::Cut { .. } => (*until, ""),
     };

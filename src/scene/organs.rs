@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::bodies::body;
+use super::bodies::{body, fibres};
 use super::checks::Checks;
 use super::color;
 use super::diagnostics::KeyPath;
@@ -38,14 +38,15 @@ pub(super) fn organs(
     for (index, (organ, labels)) in file.organ.iter().zip(labels).enumerate() {
         let table = list.index(index);
         let body = body(checks, &table, organ, file, model, folder);
+        let fibres = fibres(checks, &table, organ, model);
         let voxels = voxels(checks, &table, organ, labels, file);
         let color = match &organ.color {
             None => Some(color::default_for(&organ.name, index)),
             Some(text) => parse_color(checks, &table.key("color"), text),
         };
         let look = look(checks, &table.key("look"), organ.look.as_ref(), &file.volume);
-        if let (Some(body), Some(voxels), Some(color), Some(look)) = (body, voxels, color, look) {
-            resolved.push(Organ { name: organ.name.clone(), voxels, body, color, look });
+        if let (Some(body), Some(fibres), Some(voxels), Some(color), Some(look)) = (body, fibres, voxels, color, look) {
+            resolved.push(Organ { name: organ.name.clone(), voxels, body, fibres, color, look });
         }
     }
     (resolved.len() == file.organ.len()).then_some(resolved)

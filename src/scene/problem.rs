@@ -181,6 +181,12 @@ pub enum Caution {
         /// The value.
         found: String,
     },
+    /// Fibres in an organ that nothing damps.
+    #[error(
+        "fibres without damping: they go slack and taut in turn, and the steps hand energy to their motion that nothing takes \
+         away; give the organ a damping_ratio of 0.01 or more, or a viscosity"
+    )]
+    UndampedFibres,
     /// Two organs whose HU ranges overlap.
     #[error("[{min}, {max}] HU overlaps the range of {first}, which takes the common voxels because it comes first")]
     OverlappingHu {
@@ -198,7 +204,9 @@ pub enum Caution {
     )]
     FreeFall,
     /// No force, no motion: the run would show the rest state.
-    #[error("nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]] or [gravity]")]
+    #[error(
+        "nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]], a [[pressure]] or [gravity]"
+    )]
     NothingMoves,
 }
 
@@ -259,9 +267,13 @@ fn what_to_write(key: &str) -> &'static str {
         "blade" => "give the edge of the blade, such as blade = [[-60, 0, 0], [60, 0, 0]] (mm)",
         "path" => "give offsets of the blade, such as path = [[0, 80, 0], [0, 0, 0]] (mm)",
         "to" => "say when the cut is finished, such as to = 0.15 (s)",
-        "of" => "name the fix, pull or push that ends, such as of = \"pull 1\"",
+        "pressure" => "give it in Pa, such as pressure = 2e3 (1 mmHg is 133 Pa)",
+        "of" => "name the fix, pull, push or pressure that ends, such as of = \"pull 1\"",
         "at" => "say when, such as at = 0.3 (s)",
         "acceleration" => "write acceleration = [0, 0, -9.81] (m/s2)",
+        "direction" => "write direction = [0, 0, 1] (RAS+)",
+        "modulus" => "write modulus = 2e4 (Pa)",
+        "rate" => "write rate = 2.0 (1/s)",
         "radius" => "give it in mm, such as radius = 12",
         _ => "write [x, y, z] in mm, such as [10, -40, 0]",
     }

@@ -57,6 +57,7 @@ pub(super) fn resolve(
         let key = KeyPath::top("gravity").key("acceleration");
         Vector3::from(checks.triple(&key, gravity.acceleration, "m/s2"))
     });
+    let drag = file.drag.as_ref().map(|drag| checks.above_zero(&KeyPath::top("drag").key("rate"), drag.rate, "1/s"));
     let organs = organs::organs(&mut checks, file, lattice.model, folder, label_names);
     let operations = operations::operations(&mut checks, file, time.map(|time| time.duration));
     let in_order_of_text = |found: &Located<Problem>| (found.place.line, found.place.column);
@@ -68,7 +69,7 @@ pub(super) fn resolve(
     let (Some(volume), Some(time), Some(organs), Some(operations)) = (volume, time, organs, operations) else {
         return Err(checks.problems);
     };
-    let scene = Scene { volume, lattice, organs, time, gravity, operations };
+    let scene = Scene { volume, lattice, organs, time, gravity, drag, operations };
     look_over(&mut checks, &scene);
     checks.cautions.sort_by_key(|found| (found.place.line, found.place.column));
     Ok((scene, checks.cautions))
@@ -168,7 +169,7 @@ fn look_over(checks: &mut Checks<'_>, scene: &Scene) {
     if falls && !held {
         checks.caution(&KeyPath::top("gravity"), Caution::FreeFall);
     }
-    if !falls && !grabbed && !does(|action| matches!(action, Action::Force { .. })) {
+    if !falls && !grabbed && !does(|action| matches!(action, Action::Force { .. } | Action::Pressure { .. })) {
         checks.caution(&KeyPath::default(), Caution::NothingMoves);
     }
 }

@@ -29,6 +29,9 @@ pub struct Scene {
     /// Acceleration of every particle that is free to move, RAS+ [m/s^2].
     #[serde(rename = "gravity_m_per_s2")]
     pub gravity: Vector3,
+    /// Velocities that are free die down like `exp(-drag t)` besides what forces do [1/s]; `None` without drag.
+    #[serde(rename = "drag_per_s", default)]
+    pub drag: Option<f64>,
     /// What happens when, by ascending [`Operation::from`]; at the same time in the order of the scene's text.
     pub operations: Vec<Operation>,
 }
@@ -99,12 +102,26 @@ pub struct Organ {
     pub voxels: VoxelSelection,
     /// What it is made of.
     pub body: Body,
+    /// Fibres that stiffen it along their direction; `None` without, and for all but deformable tissue.
+    #[serde(default)]
+    pub fibres: Option<Fibres>,
     /// Linear RGB in 0..=1.
     #[serde(rename = "color_linear_rgb")]
     pub color: [f32; 3],
     /// How its CT numbers become colours; `None` for the colours of its tissue over a window found in the CT.
     #[serde(default)]
     pub look: Option<Look>,
+}
+
+/// Fibres of one direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fibres {
+    /// Unit vector along them at rest, RAS+.
+    pub direction: Vector3,
+    /// What they add to Young's modulus along them [Pa].
+    #[serde(rename = "modulus_pa")]
+    pub modulus: f64,
 }
 
 /// How CT numbers become colours.
@@ -257,6 +274,17 @@ pub enum Action {
         #[serde(rename = "ramp_s")]
         ramp: f64,
     },
+    /// Presses on faces of cells, following them.
+    Pressure {
+        /// Which faces.
+        on: Pressed,
+        /// Inwards where it is positive [Pa].
+        #[serde(rename = "pressure_pa")]
+        pressure: f64,
+        /// Time over which the pressure grows linearly from zero [s].
+        #[serde(rename = "ramp_s")]
+        ramp: f64,
+    },
     /// Grabs a region and moves it along a path, then holds it until the operation ends.
     Grab {
         /// Which particles.
@@ -279,6 +307,16 @@ pub enum Action {
         #[serde(rename = "path_mm")]
         path: Vec<Vector3>,
     },
+}
+
+/// Faces that are pressed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Pressed {
+    /// Those that border on nothing and whose middle, at rest, lies in a region.
+    Border(Region),
+    /// The lips of a cut, by the name of the operation.
+    LipsOf(String),
 }
 
 /// JSON has no infinity: a time without end is written as `null`.
@@ -322,13 +360,20 @@ mod tests {
         let measured = tissue(file("/data/e.nii.gz"), map([900.0, 1e3 / 0.9]), Damping::Viscosity(0.0));
         let labels = |label| VoxelSelection::Labels(vec![label]);
         let color = [0.1, 0.2, 1.0 / 3.0];
-        let organ = |name: &str, voxels, body| Organ { name: name.into(), voxels, body, color, look: None };
+        let organ =
+            |name: &str, voxels, body| Organ { name: name.into(), voxels, body, fibres: None, color, look: None };
         let colors = Look::Colors(vec![LookColor { hu: -0.1, color }, LookColor { hu: 1e3 / 3.0, color }]);
         let actions = [
             Action::Fix { region: region.clone() },
             Action::Force { region: region.clone(), force: Vector3::new(0.0, -3.1, 0.0), ramp: 0.02 },
-            Action::Grab { region, path: vec![Vector3::zeros(), Vector3::new(0.0, -20.0, 0.3)], arrive: 0.4 },
+            Action::Grab {
+                region: region.clone(),
+                path: vec![Vector3::zeros(), Vector3::new(0.0, -20.0, 0.3)],
+                arrive: 0.4,
+            },
             Action::Cut { blade: vec![Point3::origin(); 2], path: vec![Vector3::x(), Vector3::y()] },
+            Action::Pressure { on: Pressed::Border(region), pressure: 1e3 / 3.0, ramp: 0.02 },
+            Action::Pressure { on: Pressed::LipsOf("cut".into()), pressure: -0.1, ramp: 0.0 },
         ];
         Scene {
             volume: VolumeSource::Files { image: Some("a/ct.nii.gz".into()), labels: None },
@@ -344,14 +389,18 @@ mod tests {
                     look: Some(colors),
                     ..organ("d", labels(8), Body::Rigid { density: Some(Property::Constant(1920.0)) })
                 },
-                organ("e", labels(9), mapped),
+                Organ {
+                    fibres: Some(Fibres { direction: Vector3::new(0.6, 0.0, 0.8), modulus: 1e5 / 3.0 }),
+                    ..organ("e", labels(9), mapped)
+                },
                 organ("f", labels(10), measured),
             ],
             time: TimeSpec { duration: 0.4, frames: 40, dt: None },
             gravity: Vector3::new(0.0, 0.0, -9.81),
+            drag: Some(0.3),
             operations: actions
                 .into_iter()
-                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY])
+                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY, 2.0, 3.0])
                 .map(|(action, until)| Operation { name: format!("{until}"), from: 0.1, until, action })
                 .collect(),
         }
@@ -386,6 +435,8 @@ mod tests {
         assert_eq!(value["organs"][2]["look"]["window_hu"][0], -0.1_f32);
         assert_eq!(value["organs"][3]["look"]["colors"][1]["color_linear_rgb"][0], 0.1_f32);
         assert_eq!(value["organs"][0]["voxels"]["labels"][1], 65535);
+        assert_eq!(value["organs"][4]["fibres"]["modulus_pa"], 1e5 / 3.0);
+        assert_eq!(value["drag_per_s"], 0.3);
         assert!(value["operations"][0]["until_s"].is_null());
         let region = &value["operations"][0]["action"]["fix"]["region"];
         assert_eq!(region["any"][0]["sphere"]["center_mm"][0], 0.1 + 0.2);

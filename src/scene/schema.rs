@@ -37,6 +37,9 @@ pub(super) struct SceneFile {
     /// Gravity. Default: none, for a CT shows organs that already hang in it.
     #[serde(default, deserialize_with = "some_table")]
     pub(super) gravity: Option<Gravity>,
+    /// Drag that slows all free motion. Default: none.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) drag: Option<Drag>,
     /// Regions held where they are, each in its own `[[fix]]` table. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) fix: Vec<Fix>,
@@ -49,7 +52,10 @@ pub(super) struct SceneFile {
     /// The same as `pull` under the other word: the direction is that of `force` or `path`. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) push: Vec<Pull>,
-    /// Ends of a fix, pull or push before the run ends, each in its own `[[release]]` table. Default: none.
+    /// Pressures on surfaces, each in its own `[[pressure]]` table; model "tissue" only. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) pressure: Vec<Pressure>,
+    /// Ends of a fix, pull, push or pressure before the run ends, each in its own `[[release]]` table. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) release: Vec<Release>,
 }
@@ -93,7 +99,7 @@ pub(super) struct Lattice {
 /// One organ: which voxels, and what it is made of.
 ///
 /// Model "tissue" takes a `material` by name, or the numbers `youngs_modulus`, `poissons_ratio`, `density` and one of
-/// `damping_ratio` and `viscosity`; a number given beside a material replaces that of the material. Model "paper" takes
+/// `damping_ratio` and `viscosity`, and `fibres`; a number given beside a material replaces that of the material. Model "paper" takes
 /// `stiffness`, `damping` and `mass`. An organ with `rigid = true` takes none of them but `density`, or the density of a
 /// `material`.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -145,6 +151,10 @@ pub(super) struct Organ {
     /// `damping_ratio` holds. Example: `viscosity = 5`.
     #[schemars(extend("minimum" = 0))]
     pub(super) viscosity: Option<f64>,
+    /// Fibres of one direction that stiffen the organ when it is drawn out along them; model "tissue" only. Default: none.
+    /// Example: `fibres = { direction = [0, 0, 1], modulus = 2e4 }`.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) fibres: Option<Fibres>,
     /// Spring constant [N/m], above 0; model "paper" only, no default. Example: `stiffness = 10`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) stiffness: Option<f64>,
@@ -165,6 +175,19 @@ pub(super) struct Organ {
     /// `look = { colors = [[-100, "#e3c878"], [50, "#8c3b2e"], [180, "#f2b49c"]] }`.
     #[serde(default, deserialize_with = "some_table")]
     pub(super) look: Option<Look>,
+}
+
+/// Fibres of one direction. Pulled along them, the organ has the Young's modulus `youngs_modulus` + `modulus`; pressed, or
+/// pulled across them, it is as without: they buckle.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Fibres {
+    /// Their direction at rest, RAS+; its length does not matter. Example: `direction = [0, 0, 1]`.
+    pub(super) direction: Triple,
+    /// What they add to Young's modulus along them [Pa], above 0; the stable step becomes shorter as with a stiffer organ.
+    /// They do not damp. Example: `modulus = 2e4`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) modulus: f64,
 }
 
 /// How CT numbers become colours: one of these keys.
@@ -207,6 +230,17 @@ pub(super) struct Gravity {
     /// Acceleration of every particle that is free to move, RAS+ [m/s^2]. On the back, as in most CT scans, down is -y.
     /// Example: `acceleration = [0, -9.81, 0]`.
     pub(super) acceleration: Triple,
+}
+
+/// Drag in proportion to mass.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Drag {
+    /// Velocities of all that is free to move, soft tissue and rigid bodies, die down like exp(-rate t) besides what forces
+    /// do to them [1/s], above 0. A fall ends at gravity over rate; a rest shape stays what it is and is reached
+    /// soonest with twice the angular frequency of the slowest swing. Example: `rate = 2.0`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) rate: f64,
 }
 
 /// A region held where it is.
@@ -273,11 +307,37 @@ pub(super) struct Pull {
     pub(super) to: Option<f64>,
 }
 
-/// Ends a fix, pull or push.
+/// A pressure on faces of cells, at right angles to them as they move and turn: on those that border on nothing in a `region`, or
+/// on the lips of a `cut`, which it opens. A face that is cut itself lets go.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pressure {
+    /// Name for messages and for `[[release]]`. Default: "pressure 1", "pressure 2", ... Example: `name = "blood"`.
+    pub(super) name: Option<String>,
+    /// Which faces: those that border on nothing and whose middle, at rest, lies in the region; of an organ those of its own
+    /// cells. A region around a hollow takes the faces that look into it. Either `region` or `cut` is needed.
+    /// Example: `region = { sphere = { center = [0, 0, 0], radius = 12 } }`.
+    pub(super) region: Option<Region>,
+    /// Name of a cut: the faces of the cells beside those it went through, as far as it has come. Either `region` or `cut` is
+    /// needed. Example: `cut = "incision"`.
+    pub(super) cut: Option<String>,
+    /// Pressure [Pa], not 0: positive pushes into the tissue, negative sucks. 1 mmHg is 133 Pa. Example: `pressure = 2e3`.
+    pub(super) pressure: f64,
+    /// Time over which the pressure grows from zero [s], 0 or more. Default: 0. Example: `ramp = 0.02`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) ramp: Option<f64>,
+    /// Begins [s], 0 or more. Default: 0. Example: `from = 0.1`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) from: Option<f64>,
+    /// Ends [s], after `from`. Default: the end of the run. Example: `to = 0.3`.
+    pub(super) to: Option<f64>,
+}
+
+/// Ends a fix, pull, push or pressure.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Release {
-    /// Name of the fix, pull or push that ends. Example: `of = "clamp"`.
+    /// Name of the fix, pull, push or pressure that ends. Example: `of = "clamp"`.
     pub(super) of: String,
     /// When [s], after it began. Example: `at = 0.3`.
     pub(super) at: f64,

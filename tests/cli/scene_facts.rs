@@ -119,3 +119,31 @@ fn an_organ_two_particles_thick_has_no_bulk() {
     assert_eq!((facts["particles"].as_u64(), facts["organs"][0]["solid"].is_null()), (Some(8), true));
     folder.yawara(&["info", "thin.toml"]).done().prints(&["-: too thin for a material of its own"]);
 }
+
+#[test]
+fn what_acts_besides_springs_is_listed() {
+    let folder = Folder::new();
+    let fibres = "youngs_modulus = 5e3\ndensity = 1060\nfibres = { direction = [0, 0, 2], modulus = 2e4 }";
+    let tissue = CUBE
+        .replace("model = \"paper\"", "model = \"tissue\"")
+        .replace("stiffness = 7.5\ndamping = 1e-3\nmass = 2.3e-4", fibres)
+        .replace("steps = 40\ndt = 5e-4", "duration = 0.02");
+    let more = "[drag]\nrate = 2.5\n[[pressure]]\nregion = { organ = \"cube\" }\npressure = 200\n";
+    folder.write("cube.toml", format!("{tissue}\n{more}"));
+    folder.yawara(&["info", "cube.toml"]).done().prints(&[
+        "drag 2.5 /s",
+        "1 pressure",
+        "1 fibrous organ",
+        "cube: fibres along [0, 0, 1] add 20000 Pa to E where it is drawn out along them",
+    ]);
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    near(&facts["effects"]["drag_per_s"], 2.5);
+    near(&facts["organs"][0]["fibres"]["modulus_pa"], 2e4);
+    assert_eq!(facts["effects"]["fibrous_organs"], 1);
+    // Taut fibres shorten the step.
+    folder.write("plain.toml", tissue.replace("fibres = { direction = [0, 0, 2], modulus = 2e4 }", ""));
+    let plain = folder.yawara(&["info", "plain.toml", "--json"]).done().json();
+    let shorter = number(&facts["stable_dt_s"]) / number(&plain["stable_dt_s"]);
+    assert!(shorter < 0.8, "{shorter}");
+    assert!(plain["effects"]["drag_per_s"].is_null());
+}

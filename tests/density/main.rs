@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use yawara::dynamics::World;
 use yawara::geometry::{Affine, Grid, GridShape, Matrix3, Point3, Vector3};
 use yawara::io::nifti::{CtEncoding, write_ct, write_labels};
 use yawara::run::inputs;
@@ -207,7 +208,7 @@ fn a_rigid_body_turns_as_its_voxels_do() {
         let pitch = prepared.lattice.pitch;
         let voxels: Vec<(Vector3, f64)> =
             body.voxels(2).into_iter().map(|(place, mass)| (to_lattice.index_of(place).coords * pitch, mass)).collect();
-        let world = prepared.into_world(Vector3::zeros());
+        let world = World::new(prepared.lattice, prepared.assembly, prepared.schedule.dt);
         let [found] = world.rigid_bodies() else { panic!("one bar") };
 
         let mass: f64 = voxels.iter().map(|(_, mass)| mass).sum();

@@ -15,7 +15,7 @@ fn sag(scene: &yawara::scene::resolved::Scene) -> (f64, f64, u64) {
     let inputs = inputs::load(scene).expect("the volumes are there");
     let prepared = prepare(scene, &inputs).expect("a good scene");
     let mut timeline = Timeline::new(&scene.operations, &prepared.lattice).expect("regions");
-    let mut world = prepared.into_world(scene.gravity);
+    let mut world = prepared.into_world(scene);
     let (mut before, mut highest, mut settled) = (0.0, 0.0_f64, false);
     let sunk = |world: &yawara::dynamics::World| {
         let mass: Vec<f64> = world.mass().iter().map(|&mass| f64::from(mass)).collect();

@@ -214,6 +214,14 @@ impl RigidBody {
         self.load.angular_impulse += (place - self.centre()).cross(&impulse);
     }
 
+    /// Leaves it this share of its momenta and of the impulses that act on it in this step.
+    pub(super) fn slow(&mut self, kept: f64) {
+        self.momentum *= kept;
+        self.angular_momentum *= kept;
+        self.load.impulse *= kept;
+        self.load.angular_impulse *= kept;
+    }
+
     /// Displacements from rest [m].
     pub(super) fn displacements(&self) -> PlaceMap {
         PlaceMap::new(self.rest_centre, self.place.offset, self.orientation() - Matrix3::identity())

@@ -124,6 +124,11 @@ impl Bodies {
         body.push(impulse, rest + body.displacements().at(rest));
     }
 
+    /// Leaves every body this share of the motion it has and of what acts on it in this step.
+    pub(super) fn slow(&mut self, kept: f64) {
+        self.bodies.iter_mut().for_each(|body| body.slow(kept));
+    }
+
     /// Takes the velocities of a block's rigid particles out of the kick.
     pub(super) fn clear_block(&self, block: usize, velocity: &mut [&mut [f32; BLOCK_LEN]; 3]) {
         for &slot in &self.slots[self.range(block)] {

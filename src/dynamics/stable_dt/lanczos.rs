@@ -10,8 +10,10 @@ use std::cell::Cell;
 
 use rayon::prelude::*;
 
+use super::super::effects::fibres::in_slots;
 use super::super::slot_constants::{SlotConstants, to_slots, with_law};
 use super::whole_moduli;
+use crate::kernel::fibres::add_linear;
 use crate::kernel::halo::{HALO_LEN, Halo, gather};
 use crate::kernel::laws::Bits;
 use crate::kernel::linear::apply;
@@ -82,6 +84,8 @@ struct Operator {
     alive: Vec<u32>,
     springs: SlotConstants,
     modulus: Option<Vec<f32>>,
+    /// Direction of the fibres times the fourth root of their modulus and the root of the step.
+    fibres: Option<[Vec<f32>; 3]>,
     /// One over the root of the mass; 0 for rigid organs and empty slots.
     weight: Vec<f32>,
     free: usize,
@@ -108,6 +112,18 @@ impl Operator {
         Self {
             springs: SlotConstants::new(&layout, &combine(assembly, lattice.len(), combined)),
             modulus: volume,
+            fibres: assembly.fibres.as_ref().map(|term| {
+                let [mut x, mut y, mut z] = in_slots(lattice, &layout, topology, term);
+                for ((x, y), z) in x.iter_mut().zip(&mut y).zip(&mut z) {
+                    // b is the direction times the root of the modulus, and nothing damps.
+                    let length = (f64::from(*x).powi(2) + f64::from(*y).powi(2) + f64::from(*z).powi(2)).sqrt();
+                    let factor = if length > 0.0 { (dt / length).sqrt() } else { 0.0 };
+                    for part in [x, y, z] {
+                        *part = (f64::from(*part) * factor) as f32;
+                    }
+                }
+                [x, y, z]
+            }),
             weight: to_slots(&layout, &weights),
             free: assembly.mass.iter().filter(|&&m| m > 0.0).count(),
             pitch: lattice.pitch as f32,
@@ -142,27 +158,52 @@ impl Operator {
         }
         let scaled = &*scaled;
         let [x, y, z] = out.each_mut().map(|axis| axis.par_chunks_exact_mut(BLOCK_LEN));
-        (x, y, z).into_par_iter().enumerate().for_each_init(Buffers::new, |buffers, (block, (x, y, z))| {
-            let neighbours = &self.layout.neighbours[block];
-            let Buffers { u, constants, modulus, cells } = &mut **buffers;
-            for axis in 0..3 {
-                gather(&scaled[axis], neighbours, &mut u[axis]);
-            }
-            self.springs.gather(neighbours, constants);
-            if let Some(values) = &self.modulus {
-                gather(values, neighbours, modulus);
-            }
-            let alive = Bits { alive: block_of(&self.alive, block) };
-            let modulus = self.modulus.is_some().then_some(&*modulus);
-            let mut out = [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
-            with_law!(&self.springs, &*constants, |law| {
-                apply(law, alive, modulus, self.pitch, u.each_ref(), cells, out.each_mut().map(|chunk| &mut **chunk));
-            });
-            let weight = block_of(&self.weight, block);
-            for chunk in out {
-                chunk.iter_mut().zip(weight).for_each(|(value, weight)| *value *= weight);
-            }
-        });
+        (x, y, z).into_par_iter().enumerate().for_each_init(
+            || Buffers::new(self.fibres.is_some()),
+            |buffers, (block, (x, y, z))| {
+                let neighbours = &self.layout.neighbours[block];
+                let Buffers { u, constants, modulus, cells, fibres } = &mut **buffers;
+                for axis in 0..3 {
+                    gather(&scaled[axis], neighbours, &mut u[axis]);
+                }
+                self.springs.gather(neighbours, constants);
+                if let Some(values) = &self.modulus {
+                    gather(values, neighbours, modulus);
+                }
+                let alive = Bits { alive: block_of(&self.alive, block) };
+                let modulus = self.modulus.is_some().then_some(&*modulus);
+                let mut out =
+                    [x, y, z].map(|chunk| -> &mut [f32; BLOCK_LEN] { chunk.try_into().expect("whole blocks") });
+                with_law!(&self.springs, &*constants, |law| {
+                    apply(
+                        law,
+                        alive,
+                        modulus,
+                        self.pitch,
+                        u.each_ref(),
+                        cells,
+                        out.each_mut().map(|chunk| &mut **chunk),
+                    );
+                });
+                if let (Some(root), Some(halos)) = (&self.fibres, fibres) {
+                    let [root_halos, work] = &mut **halos;
+                    for (values, halo) in root.iter().zip(root_halos.iter_mut()) {
+                        gather(values, neighbours, halo);
+                    }
+                    add_linear(
+                        root_halos.each_ref(),
+                        self.pitch,
+                        u.each_ref(),
+                        work,
+                        out.each_mut().map(|chunk| &mut **chunk),
+                    );
+                }
+                let weight = block_of(&self.weight, block);
+                for chunk in out {
+                    chunk.iter_mut().zip(weight).for_each(|(value, weight)| *value *= weight);
+                }
+            },
+        );
     }
 }
 
@@ -201,6 +242,11 @@ fn damping_time(assembly: &Assembly, particles: usize) -> Option<f64> {
             see(k, volume.viscosity.as_ref().map_or(0.0, |viscosity| viscosity[place]));
         }
     }
+    if let Some(fibres) = &assembly.fibres {
+        for root in &fibres.root {
+            see(root.iter().map(|part| part * part).sum(), 0.0);
+        }
+    }
     let (low, high) = range.get();
     // f32 constants.
     (high.is_finite() && high - low <= 1e-5 * high).then_some(high)
@@ -213,12 +259,15 @@ struct Buffers {
     constants: Halo,
     modulus: Halo,
     cells: Halo,
+    /// Fibres, and what they pull with.
+    fibres: Option<Box<[[Halo; 3]; 2]>>,
 }
 
 impl Buffers {
-    fn new() -> Box<Self> {
+    fn new(fibres: bool) -> Box<Self> {
         let zeros = [0.0; HALO_LEN];
-        Box::new(Self { u: [zeros; 3], constants: zeros, modulus: zeros, cells: zeros })
+        let fibres = fibres.then(|| Box::new([[zeros; 3]; 2]));
+        Box::new(Self { u: [zeros; 3], constants: zeros, modulus: zeros, cells: zeros, fibres })
     }
 }
 

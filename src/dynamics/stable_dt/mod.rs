@@ -12,7 +12,8 @@
 //! - **promise**: springs at any rotation and any stretch. The tangent of a spring of tension `k (l - L)` is
 //!   `k [n n^T + (1 - L / l) (I - n n^T)]`, at most `k I`, and `((u_j - u_i) . n)^2 <= 2 (u_i . n)^2 + 2 (u_j . n)^2`,
 //!   so particle `i` sees at most `2 sum_j k_ij`. A cell's volume term adds `8 lambda h^3 |g|^2` with
-//!   `g = (+-1, +-1, +-1) / (4 h)`, which holds while no face of the cell grows (`|cof F| <= 1`) and `J` is near 1.
+//!   `g = (+-1, +-1, +-1) / (4 h)`, which holds while no face of the cell grows (`|cof F| <= 1`) and `J` is near 1. Fibres add
+//!   what they do when taut, which is the most at any stretch and rotation, see [`crate::kernel::fibres`].
 //! - **rest**: springs and cells near rest. `K` is bounded by its block diagonal `K_ii = 2 sum_j k_ij n n^T +
 //!   8 sum_cells lambda h^3 g g^T` (a cell is a form of rank one over eight corners), so the largest eigenvalue of the
 //!   3 x 3 blocks will do. Inside a uniform lattice it is exact: the fastest mode turns every second plane against the next.
@@ -42,7 +43,7 @@ pub const SAFETY: f64 = 0.8;
 /// The step that springs allow at any rotation and stretch [s]: what to give a [`super::World`] that is stepped without
 /// [`super::step_control`]. Infinite when no free particle has a spring.
 ///
-/// Rigorous for springs, O(particles); volume terms count as they are while faces of cells do not grow, see [`Limits`].
+/// Rigorous for springs and fibres, O(particles); volume terms count as they are while faces of cells do not grow, see [`Limits`].
 pub fn stable_dt(lattice: &Lattice, topology: &Topology, assembly: &Assembly) -> f64 {
     Limits::at_rest(lattice, topology, assembly).promise
 }
@@ -50,7 +51,7 @@ pub fn stable_dt(lattice: &Lattice, topology: &Topology, assembly: &Assembly) ->
 /// The largest stable steps of a lattice [s]; infinite when no spring limits them. See the module for what each promises.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// At any rotation and stretch of the springs.
+    /// At any rotation and stretch of springs and fibres.
     pub promise: f64,
     /// Near rest, by the blocks.
     pub rest: f64,

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, family};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology};
-use crate::material::{Assembly, SpringConstants};
+use crate::material::{Assembly, FibreTerm, SpringConstants};
 
 /// A symmetric 3 x 3 matrix: xx, yy, zz, yz, xz, xy.
 type Symmetric = [f64; 6];
@@ -89,7 +89,7 @@ fn largest_dt(a: f64, b: f64) -> f64 {
     if a <= 0.0 && b <= 0.0 { f64::INFINITY } else { 4.0 / (b + (b * b + 4.0 * a).sqrt()) }
 }
 
-/// Twice what a particle's springs and eight times what its cells add to its block.
+/// Twice what a particle's springs and eight times what its cells' volume terms add to its block, and the bound of their fibres.
 struct Blocks<'a> {
     lattice: &'a Lattice,
     alive: &'a [u32],
@@ -97,6 +97,8 @@ struct Blocks<'a> {
     uncut: bool,
     assembly: &'a Assembly,
     modulus: Option<Vec<f32>>,
+    /// Fibres of the whole cells [Pa^1/2].
+    fibres: Option<Vec<[f32; 3]>>,
     viscosity: Option<Vec<f32>>,
 }
 
@@ -110,18 +112,41 @@ impl<'a> Blocks<'a> {
             uncut: topology.severed().is_empty(),
             assembly,
             modulus: volume.map(|volume| whole(&volume.modulus)),
+            fibres: assembly.fibres.as_ref().map(|term| whole_fibres(lattice, topology, term)),
             viscosity: volume.and_then(|volume| volume.viscosity.as_deref().map(whole)),
         }
     }
 
     /// [N/m]
     fn stiffness(&self, particle: u32, around: &Around) -> Symmetric {
-        self.block(particle, around, Some(&self.assembly.stiffness), self.modulus.as_deref())
+        let mut block = self.block(particle, around, Some(&self.assembly.stiffness), self.modulus.as_deref());
+        if let Some(fibres) = &self.fibres {
+            self.add_fibres(fibres, around, &mut block);
+        }
+        block
     }
 
     /// [N s/m]
     fn damping(&self, particle: u32, around: &Around) -> Symmetric {
         self.block(particle, around, self.assembly.damping.as_ref(), self.viscosity.as_deref())
+    }
+
+    /// What taut fibres of the cells add, see [`crate::kernel::fibres`].
+    fn add_fibres(&self, fibres: &[[f32; 3]], around: &Around, block: &mut Symmetric) {
+        for (octant, &cell) in around.cells.iter().enumerate() {
+            let Some(&[x, y, z]) = fibres.get(cell as usize).filter(|root| **root != [0.0; 3]) else { continue };
+            let [x, y, z] = [x, y, z].map(f64::from);
+            let along = |corner: usize| {
+                let signed = |axis: usize, part: f64| if corner >> axis & 1 == 1 { part } else { -part };
+                (signed(0, x) + signed(1, y) + signed(2, z)).abs()
+            };
+            let all: f64 = (0..8).map(along).sum();
+            // Opposite corners have the same share.
+            let share = self.lattice.pitch / 16.0 * all * along(octant) / (x * x + y * y + z * z);
+            for (entry, dyad) in block.iter_mut().zip([x * x, y * y, z * z, y * z, x * z, x * y]) {
+                *entry += share * dyad;
+            }
+        }
     }
 
     fn block(
@@ -313,6 +338,13 @@ pub(crate) fn whole_moduli(lattice: &Lattice, topology: &Topology, values: &[f32
     let whole = |cell: u32| topology.whole_cell(lattice, cell).is_some();
     let kept = |(&value, cell)| if value != 0.0 && whole(cell) { value } else { 0.0 };
     values.par_iter().zip(0..lattice.len() as u32).map(kept).collect()
+}
+
+/// The same for fibres.
+pub(crate) fn whole_fibres(lattice: &Lattice, topology: &Topology, term: &FibreTerm) -> Vec<[f32; 3]> {
+    let whole = |cell: u32| topology.whole_cell(lattice, cell).is_some();
+    let kept = |(&root, cell)| if root != [0.0; 3] && whole(cell) { root } else { [0.0; 3] };
+    term.root.par_iter().zip(0..lattice.len() as u32).map(kept).collect()
 }
 
 fn trace(m: &Symmetric) -> f64 {

@@ -1,0 +1,12 @@
+//! What acts on tissue besides springs, cells, gravity and drives.
+
+#[path = "../rigid/parts.rs"]
+#[allow(dead_code)]
+mod parts;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod drag;
+mod fibres;
+mod lips;
+mod pressure;
