@@ -58,7 +58,7 @@ pub(super) fn simulate(
         messages.warning(format_args!("{} voxels of the image are not finite; read as air", inputs.replaced_voxels));
     }
     let prepared = prepare(scene, &inputs)?;
-    let mut timeline = Timeline::new(&scene.operations, &prepared.lattice)?;
+    let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools)?;
     let schedule = prepared.schedule;
     let particles = prepared.lattice.len();
     messages.note(format_args!(
@@ -108,6 +108,9 @@ pub(super) fn simulate(
         for volume in organ_volumes(&world, scene, recorder.hu())? {
             tell(&mut recorder, messages, &volume.to_string())?;
         }
+    }
+    for line in recorder.obstacle_lines() {
+        tell(&mut recorder, messages, &line)?;
     }
     if let Some(inverted) = &worst.inverted {
         recorder.log(&inverted.to_string())?;

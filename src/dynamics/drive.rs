@@ -4,11 +4,11 @@ use super::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::layout::BLOCK_LEN;
 
-/// A hold, grab or force of a [`World`], to change or release it later.
+/// A hold, grab, force or obstacle of a [`World`], to change or release it later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Handle(pub(super) usize);
 
-/// One active hold, grab or force. Slots are in block order, vectors in lattice axes and SI units.
+/// One active hold, grab, force or obstacle. Slots are in block order, vectors in lattice axes and SI units.
 #[derive(Debug, Clone)]
 pub(super) enum Drive {
     /// Particles that stay where they are.
@@ -17,6 +17,8 @@ pub(super) enum Drive {
     Grab { slots: Vec<u32>, start: Vec<[f32; 3]>, offset: Vector3 },
     /// Particles that share a force in proportion to their mass.
     Force { slots: Vec<u32>, force: Vector3, mass: f64 },
+    /// Something that particles may not enter.
+    Obstacle { number: usize },
     /// Released; the number is not used again.
     Released,
 }
@@ -94,7 +96,7 @@ impl World {
         }
     }
 
-    /// Ends a hold, grab or force. The particles go on from their present place and velocity; anchored
+    /// Ends a hold, grab or force, or takes an obstacle away. The particles go on from their present place and velocity; anchored
     /// rigid organs stop.
     pub fn release(&mut self, handle: Handle) {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
@@ -111,6 +113,7 @@ impl World {
                     self.refresh(slot);
                 }
             }
+            Drive::Obstacle { number } => self.remove_obstacle(number),
             Drive::Force { .. } | Drive::Released => {}
         }
     }
@@ -120,7 +123,7 @@ impl World {
         self.claims[self.layout.slot[particle as usize] as usize].holds > 0
     }
 
-    fn add(&mut self, drive: Drive) -> Handle {
+    pub(super) fn add(&mut self, drive: Drive) -> Handle {
         self.drives.push(drive);
         Handle(self.drives.len() - 1)
     }
@@ -137,7 +140,7 @@ impl World {
         let Self { drives, claims, velocity, displacement, dt_over_mass, rigid, layout, lattice, assembly, .. } = self;
         for drive in drives {
             match drive {
-                Drive::Hold { .. } | Drive::Released => {}
+                Drive::Hold { .. } | Drive::Obstacle { .. } | Drive::Released => {}
                 Drive::Grab { slots, start, offset } => {
                     for (&slot, start) in slots.iter().zip(start) {
                         let slot = slot as usize;

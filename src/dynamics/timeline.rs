@@ -3,12 +3,17 @@
 //! What an operation does in a step is decided before the step: a grab is told where to be at its end, and the edge of a
 //! blade is already where it is to be at its end, so it runs one step ahead of the tissue it meets.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
 use super::drive::Handle;
+use super::effects::contact::{MeshShapeError, Shape, ToolMesh};
 use super::world::{Moment, World};
 use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::Lattice;
-use crate::scene::resolved::{Action, Operation};
+use crate::lattice::region::Region;
+use crate::scene::resolved::{Action, Operation, ToolShape};
 
 /// The blade is tested against the springs as soon as edge and tissue together may have moved this far [pitches]. In
 /// between, the ways of the particles are taken as straight. A run that ends within a cut leaves the rest untested.
@@ -32,6 +37,38 @@ pub enum TimelineError {
         /// Highest coordinates of any particle at rest, RAS+ [mm].
         max: Point3,
     },
+    /// The mesh of a tool cannot be an obstacle.
+    #[error("`{operation}`: {}: {source}", file.display())]
+    Mesh {
+        /// Name of the operation.
+        operation: String,
+        /// The file of the mesh.
+        file: PathBuf,
+        /// Why.
+        source: MeshShapeError,
+    },
+    /// The mesh of a tool was not handed over.
+    #[error("`{operation}`: the mesh {} has not been read; hand it to Timeline::with_tools", file.display())]
+    MeshNotRead {
+        /// Name of the operation.
+        operation: String,
+        /// The file of the mesh.
+        file: PathBuf,
+    },
+    /// Bone that tissue is to be in contact with is moved.
+    #[error(
+        "`{operation}` moves rigid particles, and contact.bone takes bone to stay where it is: contact with bone that moves is not \
+         modelled; leave contact.bone out, or keep bone out of the region with not = {{ organ = ... }}"
+    )]
+    BoneMoves {
+        /// Name of the operation that moves it.
+        operation: String,
+    },
+    /// No voxel of a rigid organ is left in the lattice.
+    #[error(
+        "contact.bone: no voxel of a rigid organ is left in the lattice; refine lattice.pitch or leave contact.bone out"
+    )]
+    NoBone,
 }
 
 /// Something that happened on the time line, for logs.
@@ -68,6 +105,8 @@ pub struct Timeline {
 struct Entry {
     operation: Operation,
     particles: Vec<u32>,
+    /// Of an obstacle.
+    shape: Option<Shape>,
     state: State,
 }
 
@@ -96,8 +135,21 @@ impl Timeline {
     /// Selects the particles of every operation.
     ///
     /// # Errors
-    /// If a region selects nothing.
+    /// If a region selects nothing, or what tissue is to be in contact with cannot be an obstacle. Tools that are meshes need
+    /// [`Timeline::with_tools`].
     pub fn new(operations: &[Operation], lattice: &Lattice) -> Result<Self, TimelineError> {
+        Self::with_tools(operations, lattice, &BTreeMap::new())
+    }
+
+    /// The same with the meshes of tools [mm, RAS+], by the files the operations name.
+    ///
+    /// # Errors
+    /// See [`Timeline::new`].
+    pub fn with_tools(
+        operations: &[Operation],
+        lattice: &Lattice,
+        meshes: &BTreeMap<PathBuf, ToolMesh>,
+    ) -> Result<Self, TimelineError> {
         let entries = operations
             .iter()
             .map(|operation| {
@@ -110,11 +162,13 @@ impl Timeline {
                         }
                         particles
                     }
-                    Action::Cut { .. } => Vec::new(),
+                    Action::Cut { .. } | Action::Tool { .. } | Action::Plane { .. } | Action::Bone { .. } => Vec::new(),
                 };
-                Ok(Entry { operation: operation.clone(), particles, state: State::Waiting })
+                let shape = shape_of(operation, lattice, meshes)?;
+                Ok(Entry { operation: operation.clone(), particles, shape, state: State::Waiting })
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<Vec<Entry>, _>>()?;
+        bone_stays(&entries, lattice)?;
         Ok(Self { entries })
     }
 
@@ -162,6 +216,14 @@ impl Entry {
                 Action::Fix { .. } => State::Acting(world.hold(&self.particles)),
                 Action::Force { .. } => State::Acting(world.push(&self.particles)),
                 Action::Grab { .. } => State::Acting(world.grab(&self.particles)),
+                Action::Tool { friction, .. } | Action::Plane { friction, .. } | Action::Bone { friction, .. } => {
+                    let shape = self.shape.take().expect("an obstacle has a shape");
+                    let handle = world.add_obstacle(name, shape, *friction);
+                    if let Action::Tool { path, arrive, .. } = &self.operation.action {
+                        world.place_obstacle(handle, along(path, (now - from) / (arrive - from)));
+                    }
+                    State::Acting(handle)
+                }
                 Action::Cut { blade, path } => State::Cutting(Cutting {
                     blade: blade_in_lattice(world.lattice(), blade, path),
                     tested: 0.0,
@@ -185,6 +247,9 @@ impl Entry {
             }
             (State::Acting(handle), Action::Grab { path, arrive, .. }) => {
                 world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));
+            }
+            (State::Acting(handle), Action::Tool { path, arrive, .. }) => {
+                world.move_obstacle(*handle, along(path, (now + dt - from) / (arrive - from)));
             }
             (State::Cutting(cutting), _) => {
                 // The edge arrives a step before the end, and waits for the tissue of that step.
@@ -235,6 +300,49 @@ fn along(path: &[Vector3], share: f64) -> Vector3 {
         left -= length;
     }
     path.last().copied().unwrap_or_default()
+}
+
+/// The shape of an obstacle; `None` for operations that are none.
+fn shape_of(
+    operation: &Operation,
+    lattice: &Lattice,
+    meshes: &BTreeMap<PathBuf, ToolMesh>,
+) -> Result<Option<Shape>, TimelineError> {
+    let name = || operation.name.clone();
+    let mesh = |file: &Path| {
+        let not_read = || TimelineError::MeshNotRead { operation: name(), file: file.to_owned() };
+        let mesh = meshes.get(file).ok_or_else(not_read)?;
+        let shape = Shape::mesh(mesh, lattice.pitch);
+        shape.map_err(|source| TimelineError::Mesh { operation: name(), file: file.to_owned(), source })
+    };
+    Ok(Some(match &operation.action {
+        Action::Fix { .. } | Action::Force { .. } | Action::Grab { .. } | Action::Cut { .. } => return Ok(None),
+        Action::Tool { shape, .. } => match shape {
+            ToolShape::Sphere { center, radius } => Shape::sphere(*center, *radius),
+            ToolShape::Capsule { from, to, radius } => Shape::capsule(*from, *to, *radius),
+            ToolShape::Box { min, max } => Shape::block(*min, *max),
+            ToolShape::Mesh { file } => mesh(file)?,
+        },
+        Action::Plane { point, normal, .. } => Shape::plane(*point, *normal),
+        Action::Bone { organs, .. } => Shape::rigid_organs(lattice, organs).ok_or(TimelineError::NoBone)?,
+    }))
+}
+
+/// Makes sure that no grab moves bone that is an obstacle.
+fn bone_stays(entries: &[Entry], lattice: &Lattice) -> Result<(), TimelineError> {
+    let Some(organs) = entries.iter().find_map(|entry| match &entry.operation.action {
+        Action::Bone { organs, .. } => Some(organs),
+        _ => None,
+    }) else {
+        return Ok(());
+    };
+    let bone = Region::Any(organs.iter().map(|&organ| Region::Organ(organ)).collect()).select(lattice);
+    let grabs = |entry: &&Entry| matches!(entry.operation.action, Action::Grab { .. });
+    let moves = |entry: &&Entry| entry.particles.iter().any(|particle| bone.binary_search(particle).is_ok());
+    match entries.iter().filter(grabs).find(moves) {
+        Some(entry) => Err(TimelineError::BoneMoves { operation: entry.operation.name.clone() }),
+        None => Ok(()),
+    }
 }
 
 /// From patient space [mm] to the frame of the lattice [m].

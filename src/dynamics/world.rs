@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
+use super::effects::contact::Contact;
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, Scratch, block_of};
 use super::stable_dt::Limits;
@@ -133,6 +134,8 @@ pub struct World {
     pub(super) drives: Vec<Drive>,
     /// Rigid parts that move; `None` without any, which then cost nothing.
     pub(super) rigid: Option<Box<Bodies>>,
+    /// What soft particles may not enter; `None` without any obstacle, which then costs nothing.
+    pub(super) contact: Option<Box<Contact>>,
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
@@ -181,6 +184,7 @@ impl World {
             claims: vec![Claims::default(); layout.slots()],
             drives: Vec::new(),
             rigid,
+            contact: None,
             axes,
             gravity: Vector3::zeros(),
             dt,
@@ -292,10 +296,11 @@ impl World {
         if let Some(body) = self.rigid_body_of(particle) {
             return self.place_body(body, particle, displacement);
         }
-        let slot = self.layout.slot[particle as usize] as usize;
+        let slot = self.layout.slot[particle as usize];
         for axis in 0..3 {
-            self.displacement[axis][slot] = displacement[axis] as f32;
+            self.displacement[axis][slot as usize] = displacement[axis] as f32;
         }
+        self.forget_clearance(slot);
     }
 
     /// Gives a particle a velocity, lattice axes [m/s]. One of a rigid body gives it to the whole body, which stops turning;
@@ -327,6 +332,11 @@ impl World {
         self.axes * patient
     }
 
+    /// A vector from lattice axes to patient axes (RAS+); the unit stays.
+    pub fn to_patient_axes(&self, local: Vector3) -> Vector3 {
+        self.axes.tr_mul(&local)
+    }
+
     /// Share of blocks whose springs are all alive and alike, which the fastest body steps.
     pub fn alike_share(&self) -> f64 {
         self.springs.alike_blocks() as f64 / self.layout.blocks.len() as f64
@@ -348,7 +358,9 @@ impl World {
         let assembled = self.assembly.volume.as_ref();
         let assembled = assembled.map_or(0, |term| term.modulus.len() + term.viscosity.as_ref().map_or(0, Vec::len));
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
-        (state + self.springs.bytes() + cells + lattice + constants + rigid) as f64 / self.lattice.len() as f64
+        let contact = self.contact.as_ref().map_or(0, |contact| contact.bytes());
+        (state + self.springs.bytes() + cells + lattice + constants + rigid + contact) as f64
+            / self.lattice.len() as f64
     }
 
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
@@ -366,6 +378,7 @@ impl World {
         self.load_bodies();
         self.apply_drives(&mut fastest);
         self.advance_bodies(&mut fastest);
+        self.touch_obstacles(&mut fastest);
         self.check(&fastest)?;
         self.watch_alternation(&fastest)?;
         self.fastest_squared = fastest;

@@ -15,6 +15,7 @@ pub mod interfaces;
 pub mod label_lookup;
 mod materials;
 pub mod meshes;
+mod obstacle_forces;
 mod organs;
 pub mod paint;
 pub mod prepare;

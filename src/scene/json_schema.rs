@@ -74,7 +74,19 @@ mod tests {
                 let text = text.unwrap_or_else(|| panic!("{path}: `{key}` has no description"));
                 let is_table = matches!(
                     key.as_str(),
-                    "volume" | "lattice" | "organ" | "time" | "gravity" | "fix" | "cut" | "pull" | "push" | "release"
+                    "volume"
+                        | "lattice"
+                        | "organ"
+                        | "time"
+                        | "gravity"
+                        | "fix"
+                        | "cut"
+                        | "pull"
+                        | "push"
+                        | "tool"
+                        | "plane"
+                        | "contact"
+                        | "release"
                 );
                 assert!(is_table || text.contains("xample: `"), "{path}: `{key}` has no example: {text}");
                 keys += 1;
