@@ -1,4 +1,4 @@
-//! Same bits at any number of threads, and without what does not touch.
+//! Same bits at any number of threads, and without what does not touch; what it costs.
 
 use yawara::dynamics::effects::contact::Shape;
 
@@ -75,17 +75,43 @@ fn what_is_put_near_is_noticed() {
     let mut world = world(tissue_lattice(&block([4, 4, 4]), &[Some(TISSUE)]));
     let table = world.add_obstacle("table", Shape::plane(Point3::new(0.0, 0.0, -500.0), Vector3::z()), 0.0);
     world.step().unwrap();
+    assert_eq!(world.tool_impulse(table), Vector3::zeros());
     let all = particles(&world);
+    let lowest = places_mm(&world).iter().map(|place| place.z).fold(f64::INFINITY, f64::min);
     for &p in &all {
-        world.set_displacement(p, Vector3::new(0.0, 0.0, -0.51));
-    }
-    for &p in &all {
-        world.set_velocity(
-            p,
-            Vector3::new(0.0, 0.0, -0.9 * (world.lattice().rest_place(p).z - 10.0) * 1e-3 / world.dt()),
-        );
+        // The lowest are a hundredth of a millimetre above the table, and fall.
+        world.set_displacement(p, Vector3::new(0.0, 0.0, (-500.0 + 0.01 - lowest) * 1e-3));
+        world.set_velocity(p, Vector3::new(0.0, 0.0, -0.1));
     }
     world.step().unwrap();
     assert!(world.tool_force(table).z < 0.0);
     assert!(places_mm(&world).iter().all(|place| place.z > -500.0 - 1e-4));
+}
+
+/// Counted in blocks whose particles are looked at, for time is another's matter.
+#[test]
+fn contact_costs_by_what_it_touches() {
+    // 62 x 42 x 42 grid points with their margin: 4 x 6 x 6 blocks of memory.
+    let start = world(tissue_lattice(&block([60, 39, 39]), &[Some(DAMPED)]));
+    let blocks = 144;
+    let looks = |center: Point3, path: &dyn Fn(f64) -> Vector3, steps: u64| {
+        let mut world = start.clone();
+        let ball = world.add_obstacle("ball", Shape::sphere(center, 12.0), 0.0);
+        for _ in 0..steps {
+            let then = world.time() + world.dt();
+            world.move_obstacle(ball, path(then));
+            world.step().unwrap();
+        }
+        (world.contact_looks(), world.tool_impulse(ball).norm())
+    };
+    // Far away: every block once, to know how far.
+    assert_eq!(looks(Point3::new(0.0, 0.0, 900.0), &|_| Vector3::zeros(), 200), (blocks, 0.0));
+    // It passes by at half a metre a second: now and then.
+    let (passing, impulse) = looks(Point3::new(-60.0, 60.0, 168.0), &|time| Vector3::new(500.0 * time, 0.0, 0.0), 200);
+    println!("passing: {passing} looks at blocks in 200 steps of {blocks} blocks");
+    assert!(impulse == 0.0 && passing < 20 * blocks, "{passing}");
+    // It presses the middle of one block's top: that and little else.
+    let (pressing, impulse) = looks(Point3::new(64.0, 64.0, 147.5), &|time| Vector3::new(0.0, 0.0, -20.0 * time), 200);
+    println!("pressing: {pressing} looks at blocks in 200 steps of {blocks} blocks");
+    assert!(impulse > 0.0 && pressing < 6 * 200 + 5 * blocks, "{pressing}");
 }

@@ -65,16 +65,18 @@ fn a_block_falls_on_bone_and_lies_there() {
 #[test]
 fn a_joined_block_bends_down_on_bone() {
     let mut world = above_bone(true);
-    world.set_gravity(Vector3::new(0.0, 0.0, -60.0));
+    world.set_gravity(Vector3::new(0.0, 0.0, -40.0));
+    // The plate ends at 27.5 mm; what is not joined to it hangs beside the pillar.
+    let lowest =
+        |world: &World| places_mm(world).iter().filter(|place| place.x > 3.0).map(|p| p.z).fold(60.0, f64::min);
+    let soft = |world: &World| distances(world).into_iter().fold(f64::INFINITY, f64::min);
     let mut through = world.clone();
     run(&mut through, 0.6);
-    let without = distances(&through).into_iter().fold(f64::INFINITY, f64::min);
     let shape = bone(&world);
     let plate = world.add_obstacle("bone", shape, 0.0);
     run(&mut world, 0.6);
-    let with = distances(&world).into_iter().fold(f64::INFINITY, f64::min);
-    println!("nearest {with:.2e} mm, without contact {without:.2e} mm");
-    assert!(without < -0.1 && with > -1e-4, "{without} {with}");
+    println!("lowest {:.3} mm, without contact {:.3} mm", lowest(&world), lowest(&through));
+    assert!(lowest(&through) < 24.0 && soft(&world) > -1e-4, "{} {}", lowest(&through), soft(&world));
     assert!(world.tool_force(plate).z < 0.0);
     // Bone itself is no obstacle to itself.
     let rigid = Region::Organ(1).select(world.lattice());
@@ -84,20 +86,26 @@ fn a_joined_block_bends_down_on_bone() {
 /// Model `paper`: voxels are particles.
 #[test]
 fn voxels_of_bone_are_met_in_model_paper() {
-    let map = organ_map([7, 7, 9], |[_, _, k]| match k {
+    let map = organ_map([9, 9, 9], |[i, j, k]| match k {
         1 => 1,
-        4..=7 => 0,
+        4..=7 if (2..7).contains(&i) && (2..7).contains(&j) => 0,
         _ => NO_ORGAN,
     });
-    let body = yawara::material::paper::PaperBody { damping: 0.003, ..PAPER };
+    let body = yawara::material::paper::PaperBody { damping: 0.02, ..PAPER };
     let mut world = world(paper_lattice(&map, &[Some(body), None]));
     world.set_gravity(Vector3::new(0.0, 0.0, -9.81));
     let shape = bone(&world);
     let plate = world.add_obstacle("bone", shape, 0.0);
     run(&mut world, 0.8);
+    let before = world.tool_impulse(plate);
+    run(&mut world, 0.1);
+    let force = (world.tool_impulse(plate) - before).z / 0.1;
     let weight = total_mass(&world) * 9.81;
-    assert!((world.tool_force(plate).z / weight + 1.0).abs() < 0.01, "{} {weight}", world.tool_force(plate));
+    assert!((force / weight + 1.0).abs() < 0.02, "{force} {weight}");
     assert!(distances(&world).iter().all(|&d| d > -1e-4));
+    // Nothing pushes it aside.
+    let aside = displacements(&world).iter().map(|u| u.xy().norm()).fold(0.0, f64::max);
+    assert!(aside < 3e-4, "{aside}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod gentle;
 mod hertz;
 mod incline;
 mod outside;
+mod scenes;
 
 use support::*;
 use yawara::dynamics::World;

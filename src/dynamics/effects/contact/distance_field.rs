@@ -43,24 +43,18 @@ impl DistanceField {
         if beyond > 0.0 { beyond.max(within - beyond) } else { within }
     }
 
-    /// Gradient of the linear pieces; outward beyond the grid.
+    /// Gradient over one spacing along each axis; outward beyond the grid. That of the linear pieces would jump from cell to cell
+    /// and favour one side of what lies on their border.
     pub(super) fn gradient(&self, place: Vector3) -> Vector3 {
-        let spot = self.spot(place);
-        if spot.beyond.norm_squared() > 0.0 {
-            return spot.beyond.normalize();
+        let beyond = self.spot(place).beyond;
+        if beyond.norm_squared() > 0.0 {
+            return beyond.normalize();
         }
-        let v = self.corners(spot.corner);
-        let [x, y, z]: [f64; 3] = spot.share.into();
-        let mix = |low: f64, high: f64, share: f64| low + (high - low) * share;
-        let along = |pairs: [[usize; 2]; 4], a: f64, b: f64| {
-            let d = pairs.map(|[low, high]| v[high] - v[low]);
-            mix(mix(d[0], d[1], a), mix(d[2], d[3], a), b) / self.spacing
-        };
-        Vector3::new(
-            along([[0, 1], [2, 3], [4, 5], [6, 7]], y, z),
-            along([[0, 2], [1, 3], [4, 6], [5, 7]], x, z),
-            along([[0, 4], [1, 5], [2, 6], [3, 7]], x, y),
-        )
+        Vector3::from_fn(|axis, _| {
+            let mut half = Vector3::zeros();
+            half[axis] = 0.5 * self.spacing;
+            (self.value(place + half) - self.value(place - half)) / self.spacing
+        })
     }
 
     pub(super) fn bytes(&self) -> usize {
@@ -119,6 +113,9 @@ mod tests {
         for share in [[0.0; 3], [0.3, 0.9, 0.1], [1.0, 1.0, 1.0], [0.77, 0.5, 0.99]] {
             let p = field.origin + Vector3::new(share[0] * 2.0, share[1] * 1.5, share[2] * 2.5);
             assert!((field.value(p) - slope.dot(&p) - 2.0).abs() < 1e-6);
+        }
+        for share in [[0.3, 0.8, 0.2], [0.5, 0.5, 0.5], [0.77, 0.6, 0.25]] {
+            let p = field.origin + Vector3::new(share[0] * 2.0, share[1] * 1.5, share[2] * 2.5);
             assert!((field.gradient(p) - slope).norm() < 1e-6);
         }
     }

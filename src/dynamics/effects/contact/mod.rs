@@ -55,6 +55,8 @@ pub(in crate::dynamics) struct Contact {
     obstacles: Vec<Placed>,
     /// One bit for each slot: a soft particle is there.
     soft: Vec<u16>,
+    /// Blocks whose particles were looked at, summed over all steps.
+    looks: u64,
 }
 
 /// What an obstacle has felt so far.
@@ -127,6 +129,11 @@ impl World {
         self.contact.iter().flat_map(|contact| &contact.obstacles).map(|placed| self.facts_of(placed))
     }
 
+    /// Blocks of the lattice whose particles were compared with obstacles, summed over all steps: what contact has cost.
+    pub fn contact_looks(&self) -> u64 {
+        self.contact.as_ref().map_or(0, |contact| contact.looks)
+    }
+
     fn facts_of<'a>(&self, placed: &'a Placed) -> ObstacleFacts<'a> {
         let [force, impulse] = [placed.force, placed.impulse].map(|vector| self.to_patient_axes(vector));
         ObstacleFacts { name: &placed.name, force, impulse }
@@ -175,7 +182,7 @@ impl World {
                 soft[slot as usize / 16] |= 1 << (slot % 16);
             }
         }
-        Contact { obstacles: Vec::new(), soft }
+        Contact { obstacles: Vec::new(), soft, looks: 0 }
     }
 }
 

@@ -56,7 +56,7 @@ impl World {
 impl Contact {
     fn touch(&mut self, world: &mut World, fastest: &mut [f32]) {
         let (dt, pitch) = (world.dt(), world.lattice.pitch);
-        let Self { obstacles, soft } = self;
+        let Self { obstacles, soft, looks } = self;
         let near = near_blocks(obstacles, fastest, dt);
         let velocity = world.velocity.each_mut().map(|part| part.chunks_exact_mut(BLOCK_LEN));
         let [x, y, z] = velocity;
@@ -65,6 +65,7 @@ impl Contact {
             .filter(|(block, _)| near[*block])
             .map(|(block, ((x, y), z))| Job { block, velocity: [x, y, z] })
             .collect();
+        *looks += jobs.len() as u64;
         let scene = Scene {
             obstacles,
             soft,
