@@ -20,6 +20,7 @@ use crate::run::label_lookup::Files;
 use crate::run::meshes::organ_volumes;
 use crate::run::prepare::prepare;
 use crate::run::record::{Recorder, describe, organ_name};
+use crate::run::thin_tools::thin_tools;
 use crate::scene::resolved::{Action, Scene};
 use crate::store::{RunWriter, Status, WriteRunError};
 
@@ -59,6 +60,7 @@ pub(super) fn simulate(
     }
     let prepared = prepare(scene, &inputs)?;
     let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools)?;
+    thin_tools(scene, prepared.lattice.pitch).iter().for_each(|warning| messages.warning(warning));
     let schedule = prepared.schedule;
     let particles = prepared.lattice.len();
     messages.note(format_args!(

@@ -19,6 +19,7 @@ use crate::run::estimate::Pace;
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::run::prepare::{Prepared, Spread, Spreads, prepare};
+use crate::run::thin_tools::thin_tools;
 use crate::scene::resolved::{Action, Body, Operation, Organ, Scene};
 
 /// The world is stepped for about this long to find its pace.
@@ -41,6 +42,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     let prepared = prepare(&scene, &inputs)?;
     let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools)?;
     drop(inputs);
+    thin_tools(&scene, prepared.lattice.pitch).iter().for_each(|warning| messages.warning(warning));
     let schedule = prepared.schedule;
     let lattice = &prepared.lattice;
     let particles = lattice.len();

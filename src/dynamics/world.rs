@@ -631,8 +631,8 @@ impl World {
 /// Why a state that diverged may have done so, and what to do.
 pub(super) fn likely_cause(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> String {
     step_too_long(lattice, topology, assembly, dt).unwrap_or_else(|| {
-        "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
-         tissue faster than it can follow: lower the force, or give the motion more time"
+        "the step is within the stable bound, so a force or a grabbed region or a tool (or a start far from rest) \
+         moves the tissue faster than it can follow: lower the force, or give the motion more time"
             .to_owned()
     })
 }

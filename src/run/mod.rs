@@ -21,3 +21,4 @@ pub mod paint;
 pub mod prepare;
 mod range;
 pub mod record;
+pub mod thin_tools;

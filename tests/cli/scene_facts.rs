@@ -131,6 +131,9 @@ fn what_tissue_cannot_enter_is_listed() {
         .done()
         .says(&["`ball`: force of the tissue on it", "series obstacle_2"]);
 
+    folder.write("thin.toml", format!("{CUBE}\n{}", tool.replace("12.5", "5")));
+    folder.yawara(&["info", "thin.toml"]).done().says(&["warning: `ball` is 10.000 mm thick", "6.000 mm apart"]);
+
     // An open mesh is refused with its tool.
     let mesh = tool.replace("sphere = { center = [0, 0, 44], radius = 12.5 }", "mesh = { file = \"tool.stl\" }");
     folder.write("mesh.toml", format!("{CUBE}\n{mesh}"));

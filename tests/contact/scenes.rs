@@ -123,13 +123,16 @@ fn a_run_keeps_the_forces_of_its_frames() {
     let series = |name: &str| reader.series(name).unwrap();
     let [table, ball] = ["obstacle_1_force_z", "obstacle_2_force_z"].map(series);
     assert_eq!((table.values.len(), table.unit.as_str()), (7, "N"));
-    let weight = total_mass(&world) * 9.81;
-    let [down, up] = [table.values[6], ball.values[6]];
-    println!("table {down:.3} N, ball {up:.3} N, weight {weight:.3} N");
-    assert!(up > 0.1 && (down + up + weight).abs() < 0.02 * weight, "{down} {up} {weight}");
     assert_eq!((table.values[0], ball.values[0]), (0.0, 0.0));
+    // Means over the time between frames: their sum is the impulse. What gravity gave and obstacles did not take still moves.
+    let impulse: f64 = table.values.iter().chain(&ball.values).map(|force| force * 0.3 / 6.0).sum();
+    let (mass, largest) = (total_mass(&world), ball.values.iter().copied().fold(0.0, f64::max));
+    let moves = mass * mean_velocity(&world).z;
+    println!("impulse {impulse:.5} N s, of gravity {:.5}, left {moves:.5}; ball {largest:.3} N", -mass * 9.81 * 0.3);
+    assert!((impulse + mass * 9.81 * 0.3 + moves).abs() < 1e-4 * mass * 9.81 * 0.3);
+    assert!(largest > 0.1 && table.values[1..].iter().all(|&force| force < 0.0));
     // Alike on all sides, so that nothing is left across.
-    assert!(series("obstacle_2_force_x").values.iter().all(|force| force.abs() < 0.01 * up));
+    assert!(series("obstacle_2_force_x").values.iter().all(|force| force.abs() < 0.01 * largest));
     // The scene as kept is read back.
     let kept: Scene = serde_json::from_value(serde_json::to_value(&scene).unwrap()).unwrap();
     assert_eq!(kept, scene);
@@ -168,7 +171,7 @@ fn a_released_tool_lets_tissue_return() {
     let (pressed, force, _) = dent("");
     assert!((pressed - 22.0).abs() < 0.1 && force > 0.1, "{pressed} {force}");
     let (free, force, events) = dent("[[release]]\nof = \"rod\"\nat = 0.1\n");
-    assert!(free > 29.0 && force == 0.0, "{free} {force}");
+    assert!(free > 28.0 && force == 0.0, "{free} {force}");
     let rod: Vec<&str> = events.iter().map(String::as_str).filter(|event| event.contains("rod")).collect();
     assert!(rod.len() == 2 && rod[0].starts_with("0.02") && rod[1].starts_with("0.10"), "{rod:?}");
     // Without a path, `to` takes it away.
@@ -187,7 +190,10 @@ fn bone_that_is_grabbed_is_no_obstacle() {
         [[organ]]\nname = \"spine\"\nlabel = \"spine\"\nrigid = true\n[time]\nduration = 0.01\n[contact]\nbone = true\nfriction = 0.1\n";
     let pull =
         |region: &str| format!("{text}[[pull]]\nname = \"hook\"\nregion = {region}\npath = [[0, 0, 0], [0, 2, 0]]\n");
-    let world = simulate(&parse(&pull("{ organ = \"liver\" }"), folder.path()), &mut ());
+    let world = simulate(
+        &parse(&pull("{ all = [{ organ = \"liver\" }, { not = { organ = \"spine\" } }] }"), folder.path()),
+        &mut (),
+    );
     assert_eq!(world.obstacles().map(|facts| facts.name.to_owned()).collect::<Vec<_>>(), ["bone"]);
     let scene = parse(&pull("{ organ = \"spine\" }"), folder.path());
     let prepared = prepare(&scene, &inputs::load(&scene).unwrap()).unwrap();
