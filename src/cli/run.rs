@@ -20,6 +20,7 @@ use crate::run::label_lookup::Files;
 use crate::run::meshes::organ_volumes;
 use crate::run::prepare::prepare;
 use crate::run::record::{Recorder, describe, organ_name};
+use crate::run::thin_tools::thin_tools;
 use crate::scene::resolved::{Action, Scene};
 use crate::store::{RunWriter, Status, WriteRunError};
 
@@ -58,7 +59,8 @@ pub(super) fn simulate(
         messages.warning(format_args!("{} voxels of the image are not finite; read as air", inputs.replaced_voxels));
     }
     let prepared = prepare(scene, &inputs)?;
-    let mut timeline = Timeline::new(&scene.operations, &prepared.lattice)?;
+    let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools)?;
+    thin_tools(scene, prepared.lattice.pitch).iter().for_each(|warning| messages.warning(warning));
     let schedule = prepared.schedule;
     let particles = prepared.lattice.len();
     messages.note(format_args!(
@@ -108,6 +110,9 @@ pub(super) fn simulate(
         for volume in organ_volumes(&world, scene, recorder.hu())? {
             tell(&mut recorder, messages, &volume.to_string())?;
         }
+    }
+    for line in recorder.obstacle_lines() {
+        tell(&mut recorder, messages, &line)?;
     }
     if let Some(inverted) = &worst.inverted {
         recorder.log(&inverted.to_string())?;

@@ -19,7 +19,8 @@ use crate::run::estimate::Pace;
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::run::prepare::{Prepared, Spread, Spreads, prepare};
-use crate::scene::resolved::{Body, Organ, Scene};
+use crate::run::thin_tools::thin_tools;
+use crate::scene::resolved::{Action, Body, Operation, Organ, Scene};
 
 /// The world is stepped for about this long to find its pace.
 const BUDGET: Duration = Duration::from_millis(300);
@@ -39,8 +40,9 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     let inputs = inputs::load(&scene)?;
     let hu_points = inputs.image.is_some();
     let prepared = prepare(&scene, &inputs)?;
+    let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools)?;
     drop(inputs);
-    let mut timeline = Timeline::new(&scene.operations, &prepared.lattice)?;
+    thin_tools(&scene, prepared.lattice.pitch).iter().for_each(|warning| messages.warning(warning));
     let schedule = prepared.schedule;
     let lattice = &prepared.lattice;
     let particles = lattice.len();
@@ -63,6 +65,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "organs": organs,
         "operations": scene.operations.len(),
         "effects": effects,
+        "obstacles": obstacles(&scene),
         "duration_s": schedule.dt * schedule.steps as f64,
         "stable_dt_s": schedule.stable_dt.is_finite().then_some(schedule.stable_dt),
         "stable_dt_is": schedule.limit_in_words(),
@@ -113,6 +116,60 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
         "rigid_organs": scene.organs.iter().filter(|organ| matches!(organ.body, Body::Rigid { .. })).count(),
         "operations": kinds,
     })
+}
+
+/// What soft tissue cannot enter, as the resolved scene has it.
+fn obstacles(scene: &Scene) -> Vec<Value> {
+    let is_obstacle =
+        |action: &Action| matches!(action, Action::Tool { .. } | Action::Plane { .. } | Action::Bone { .. });
+    let obstacles = scene.operations.iter().filter(|operation| is_obstacle(&operation.action));
+    obstacles
+        .map(|Operation { name, from, until, action }| {
+            let until = until.is_finite().then_some(until);
+            json!({ "name": name, "from_s": from, "until_s": until, "is": action })
+        })
+        .collect()
+}
+
+/// An obstacle in a line: its name, what it is, when, and friction.
+fn obstacle_text(obstacle: &Value) -> String {
+    let name = obstacle["name"].as_str().unwrap_or_default();
+    let mm = |place: &Value| {
+        let parts = place.as_array().into_iter().flatten().filter_map(Value::as_f64);
+        format!("({})", parts.map(|part| digits(part, 4)).collect::<Vec<_>>().join(", "))
+    };
+    let long = |length: &Value| digits(length.as_f64().unwrap_or(f64::NAN), 4);
+    let is = &obstacle["is"];
+    let (what, action) = if let Some(tool) = is["tool"].as_object() {
+        let shape = &tool["shape"];
+        let [sphere, capsule, block, mesh] = ["sphere", "capsule", "box", "mesh"].map(|kind| &shape[kind]);
+        let mut text = if !sphere.is_null() {
+            format!("sphere of radius {} mm at {} mm", long(&sphere["radius_mm"]), mm(&sphere["center_mm"]))
+        } else if !capsule.is_null() {
+            let [from, to] = ["from_mm", "to_mm"].map(|end| mm(&capsule[end]));
+            format!("capsule of radius {} mm from {from} to {to} mm", long(&capsule["radius_mm"]))
+        } else if !block.is_null() {
+            format!("box from {} to {} mm", mm(&block["min_mm"]), mm(&block["max_mm"]))
+        } else {
+            format!("mesh {}", mesh["file"].as_str().unwrap_or_default())
+        };
+        let path = tool["path_mm"].as_array().map_or(&[][..], Vec::as_slice);
+        match path {
+            [] | [_] => text += ", stands still",
+            [.., last] => text += &format!(", moves by {} mm until {} s", mm(last), long(&tool["arrive_s"])),
+        }
+        (text, &is["tool"])
+    } else if let Some(plane) = is["plane"].as_object() {
+        (format!("plane through {} mm, tissue towards {}", mm(&plane["point_mm"]), mm(&plane["normal"])), &is["plane"])
+    } else {
+        ("rigid organs that stay where they are".to_owned(), &is["bone"])
+    };
+    let from =
+        obstacle["from_s"].as_f64().filter(|&from| from > 0.0).map(|from| format!(", from {} s", digits(from, 4)));
+    let until = obstacle["until_s"].as_f64().map(|until| format!(", until {} s", digits(until, 4)));
+    let friction = action["friction"].as_f64().unwrap_or(0.0);
+    let friction = if friction > 0.0 { format!("friction {}", digits(friction, 4)) } else { "no friction".to_owned() };
+    format!("{name}: {what}{}{}, {friction}", from.unwrap_or_default(), until.unwrap_or_default())
 }
 
 fn of_organ(number: u8, organ: &Organ, prepared: &Prepared) -> Value {
@@ -231,7 +288,12 @@ pub(super) fn text(facts: &Value) -> String {
         ("time", estimate),
     ];
     let mut lines = Vec::new();
-    write_columns(rows.map(|(key, value)| vec![key.to_owned(), value]).into(), "", &mut lines);
+    let mut rows = rows.map(|(key, value)| vec![key.to_owned(), value]).to_vec();
+    for (place, obstacle) in facts["obstacles"].as_array().into_iter().flatten().enumerate() {
+        let key = if place == 0 { "obstacles" } else { "" };
+        rows.insert(rows.len() - 1, vec![key.to_owned(), obstacle_text(obstacle)]);
+    }
+    write_columns(rows, "", &mut lines);
     organs_text(facts, &mut lines);
     lines.join("\n")
 }
@@ -247,6 +309,10 @@ fn effects_text(effects: &Value) -> String {
     found.extend(effects["drag_per_s"].as_f64().map(|rate| format!("drag {} /s", digits(rate, 4))));
     let times = |count: u64, one: &str| format!("{count} {one}{}", if count == 1 { "" } else { "s" });
     for (kind, count) in effects["operations"].as_object().into_iter().flatten() {
+        if kind == "bone" {
+            found.push("contact with bone".to_owned());
+            continue;
+        }
         let one = if kind == "fix" { "fixed region" } else { kind.as_str() };
         found.push(times(count.as_u64().unwrap_or(0), one));
     }

@@ -153,7 +153,7 @@ pub(super) fn block_bounds(
         let slots = &displacement[axis][block * BLOCK_LEN..(block + 1) * BLOCK_LEN];
         let low = slots.iter().copied().fold(f32::MAX, f32::min);
         let high = slots.iter().copied().fold(f32::MIN, f32::max);
-        let first = layout.origin[axis] as f64 + f64::from(layout.blocks[block][axis]) * BLOCK[axis] as f64;
+        let first = layout.corner(block)[axis] as f64;
         bounds.min[axis] = first * lattice.pitch + f64::from(low);
         bounds.max[axis] = (first + (BLOCK[axis] - 1) as f64) * lattice.pitch + f64::from(high);
     }

@@ -7,11 +7,11 @@ use super::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::layout::BLOCK_LEN;
 
-/// A hold, grab, force or pressure of a [`World`], to change or release it later.
+/// A hold, grab, force, pressure or obstacle of a [`World`], to change or release it later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Handle(pub(super) usize);
 
-/// One active hold, grab, force or pressure. Slots are in block order, vectors in lattice axes and SI units.
+/// One active hold, grab, force, pressure or obstacle. Slots are in block order, vectors in lattice axes and SI units.
 #[derive(Debug, Clone)]
 pub(super) enum Drive {
     /// Particles that stay where they are.
@@ -22,6 +22,8 @@ pub(super) enum Drive {
     Force { slots: Vec<u32>, force: Vector3, mass: f64 },
     /// Faces that are pressed.
     Pressure(Box<PressedFaces>),
+    /// Something that particles may not enter.
+    Obstacle { number: usize },
     /// Released; the number is not used again.
     Released,
 }
@@ -99,7 +101,7 @@ impl World {
         }
     }
 
-    /// Ends a hold, grab, force or pressure. The particles go on from their present place and velocity; anchored
+    /// Ends a hold, grab, force or pressure, or takes an obstacle away. The particles go on from their present place and velocity; anchored
     /// rigid organs stop.
     pub fn release(&mut self, handle: Handle) {
         match std::mem::replace(&mut self.drives[handle.0], Drive::Released) {
@@ -114,6 +116,7 @@ impl World {
                     self.drop_claim(slot, |claims| claims.grabs -= 1);
                 }
             }
+            Drive::Obstacle { number } => self.remove_obstacle(number),
             Drive::Force { .. } | Drive::Pressure(_) | Drive::Released => {}
         }
     }
@@ -156,7 +159,7 @@ impl World {
         let Self { rigid, layout, lattice, topology, assembly, .. } = self;
         for drive in drives {
             match drive {
-                Drive::Hold { .. } | Drive::Released => {}
+                Drive::Hold { .. } | Drive::Obstacle { .. } | Drive::Released => {}
                 Drive::Grab { slots, start, offset } => {
                     for (&slot, start) in slots.iter().zip(start) {
                         if claims.get(&slot).is_some_and(|claims| claims.holds > 0) {

@@ -3,11 +3,11 @@
 //! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once near
 //! rest and [`step_control`] divides the step when that is too far; [`timeline`] applies a scene's
 //! operations as their time comes; [`measure`] judges energy, momentum and volume in f64;
-//! [`reference_world`] is the same world in plain f64, for judging the fast one.
+//! [`reference_world`] is the same world in plain f64, for judging the fast one; [`effects`] are what scenes may add.
 
 mod alternation;
 mod drive;
-mod effects;
+pub mod effects;
 pub mod measure;
 mod parting;
 pub mod reference_world;

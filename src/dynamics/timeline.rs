@@ -3,14 +3,19 @@
 //! What an operation does in a step is decided before the step: a grab is told where to be at its end, and the edge of a
 //! blade is already where it is to be at its end, so it runs one step ahead of the tissue it meets.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
 use super::drive::Handle;
+use super::effects::contact::{MeshShapeError, Shape, ToolMesh};
 use super::effects::pressure::{Face, boundary_faces, lip_faces};
 use super::world::{Moment, World};
 use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::Lattice;
 use crate::lattice::SeveredSpring;
-use crate::scene::resolved::{Action, Operation, Pressed};
+use crate::lattice::region::Region;
+use crate::scene::resolved::{Action, Operation, Pressed, ToolShape};
 
 /// The blade is tested against the springs as soon as edge and tissue together may have moved this far [pitches]. In
 /// between, the ways of the particles are taken as straight. A run that ends within a cut leaves the rest untested.
@@ -48,6 +53,38 @@ pub enum TimelineError {
         /// Highest coordinates of any particle at rest, RAS+ [mm].
         max: Point3,
     },
+    /// The mesh of a tool cannot be an obstacle.
+    #[error("`{operation}`: {}: {source}", file.display())]
+    Mesh {
+        /// Name of the operation.
+        operation: String,
+        /// The file of the mesh.
+        file: PathBuf,
+        /// Why.
+        source: MeshShapeError,
+    },
+    /// The mesh of a tool was not handed over.
+    #[error("`{operation}`: the mesh {} has not been read; hand it to Timeline::with_tools", file.display())]
+    MeshNotRead {
+        /// Name of the operation.
+        operation: String,
+        /// The file of the mesh.
+        file: PathBuf,
+    },
+    /// Bone that tissue is to be in contact with is moved.
+    #[error(
+        "`{operation}` moves rigid particles, and contact.bone takes bone to stay where it is: contact with bone that moves is not \
+         modelled; leave contact.bone out, or keep bone out of the region with not = {{ organ = ... }}"
+    )]
+    BoneMoves {
+        /// Name of the operation that moves it.
+        operation: String,
+    },
+    /// No voxel of a rigid organ is left in the lattice.
+    #[error(
+        "contact.bone: no voxel of a rigid organ is left in the lattice; refine lattice.pitch or leave contact.bone out"
+    )]
+    NoBone,
 }
 
 /// Something that happened on the time line, for logs.
@@ -90,6 +127,8 @@ struct Entry {
     faces: Vec<Face>,
     /// Severed springs whose lips it knows.
     lips: usize,
+    /// Of an obstacle.
+    shape: Option<Shape>,
     state: State,
 }
 
@@ -118,8 +157,21 @@ impl Timeline {
     /// Selects the particles of every operation.
     ///
     /// # Errors
-    /// If a region selects nothing.
+    /// If a region selects nothing, or what tissue is to be in contact with cannot be an obstacle. Tools that are meshes need
+    /// [`Timeline::with_tools`].
     pub fn new(operations: &[Operation], lattice: &Lattice) -> Result<Self, TimelineError> {
+        Self::with_tools(operations, lattice, &BTreeMap::new())
+    }
+
+    /// The same with the meshes of tools [mm, RAS+], by the files the operations name.
+    ///
+    /// # Errors
+    /// See [`Timeline::new`].
+    pub fn with_tools(
+        operations: &[Operation],
+        lattice: &Lattice,
+        meshes: &BTreeMap<PathBuf, ToolMesh>,
+    ) -> Result<Self, TimelineError> {
         let entries = operations
             .iter()
             .map(|operation| {
@@ -141,12 +193,18 @@ impl Timeline {
                         }
                         Vec::new()
                     }
-                    Action::Pressure { on: Pressed::LipsOf(_), .. } | Action::Cut { .. } => Vec::new(),
+                    Action::Pressure { on: Pressed::LipsOf(_), .. }
+                    | Action::Cut { .. }
+                    | Action::Tool { .. }
+                    | Action::Plane { .. }
+                    | Action::Bone { .. } => Vec::new(),
                 };
+                let shape = shape_of(operation, lattice, meshes)?;
                 let operation = operation.clone();
-                Ok(Entry { operation, particles, faces: pressed, lips: 0, state: State::Waiting })
+                Ok(Entry { operation, particles, faces: pressed, lips: 0, shape, state: State::Waiting })
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<Vec<Entry>, _>>()?;
+        bone_stays(&entries, lattice)?;
         let mut severed: Vec<(String, Vec<SeveredSpring>)> = Vec::new();
         for operation in operations {
             if let Action::Pressure { on: Pressed::LipsOf(cut), .. } = &operation.action {
@@ -226,6 +284,14 @@ impl Entry {
                 Action::Force { .. } => State::Acting(world.push(&self.particles)),
                 Action::Pressure { .. } => State::Acting(world.press(&self.faces)),
                 Action::Grab { .. } => State::Acting(world.grab(&self.particles)),
+                Action::Tool { friction, .. } | Action::Plane { friction, .. } | Action::Bone { friction, .. } => {
+                    let shape = self.shape.take().expect("an obstacle has a shape");
+                    let handle = world.add_obstacle(name, shape, *friction);
+                    if let Action::Tool { path, arrive, .. } = &self.operation.action {
+                        world.place_obstacle(handle, along(path, (now - from) / (arrive - from)));
+                    }
+                    State::Acting(handle)
+                }
                 Action::Cut { blade, path } => State::Cutting(Cutting {
                     blade: blade_in_lattice(world.lattice(), blade, path),
                     tested: 0.0,
@@ -251,6 +317,9 @@ impl Entry {
             }
             (State::Acting(handle), Action::Grab { path, arrive, .. }) => {
                 world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));
+            }
+            (State::Acting(handle), Action::Tool { path, arrive, .. }) => {
+                world.move_obstacle(*handle, along(path, (now + dt - from) / (arrive - from)));
             }
             (State::Cutting(cutting), _) => {
                 // The edge arrives a step before the end, and waits for the tissue of that step.
@@ -306,6 +375,53 @@ fn along(path: &[Vector3], share: f64) -> Vector3 {
         left -= length;
     }
     path.last().copied().unwrap_or_default()
+}
+
+/// The shape of an obstacle; `None` for operations that are none.
+fn shape_of(
+    operation: &Operation,
+    lattice: &Lattice,
+    meshes: &BTreeMap<PathBuf, ToolMesh>,
+) -> Result<Option<Shape>, TimelineError> {
+    let name = || operation.name.clone();
+    let mesh = |file: &Path| {
+        let not_read = || TimelineError::MeshNotRead { operation: name(), file: file.to_owned() };
+        let mesh = meshes.get(file).ok_or_else(not_read)?;
+        let shape = Shape::mesh(mesh, lattice.pitch);
+        shape.map_err(|source| TimelineError::Mesh { operation: name(), file: file.to_owned(), source })
+    };
+    Ok(Some(match &operation.action {
+        Action::Fix { .. }
+        | Action::Force { .. }
+        | Action::Grab { .. }
+        | Action::Pressure { .. }
+        | Action::Cut { .. } => return Ok(None),
+        Action::Tool { shape, .. } => match shape {
+            ToolShape::Sphere { center, radius } => Shape::sphere(*center, *radius),
+            ToolShape::Capsule { from, to, radius } => Shape::capsule(*from, *to, *radius),
+            ToolShape::Box { min, max } => Shape::block(*min, *max),
+            ToolShape::Mesh { file } => mesh(file)?,
+        },
+        Action::Plane { point, normal, .. } => Shape::plane(*point, *normal),
+        Action::Bone { organs, .. } => Shape::rigid_organs(lattice, organs).ok_or(TimelineError::NoBone)?,
+    }))
+}
+
+/// Makes sure that no grab moves bone that is an obstacle.
+fn bone_stays(entries: &[Entry], lattice: &Lattice) -> Result<(), TimelineError> {
+    let Some(organs) = entries.iter().find_map(|entry| match &entry.operation.action {
+        Action::Bone { organs, .. } => Some(organs),
+        _ => None,
+    }) else {
+        return Ok(());
+    };
+    let bone = Region::Any(organs.iter().map(|&organ| Region::Organ(organ)).collect()).select(lattice);
+    let grabs = |entry: &&Entry| matches!(entry.operation.action, Action::Grab { .. });
+    let moves = |entry: &&Entry| entry.particles.iter().any(|particle| bone.binary_search(particle).is_ok());
+    match entries.iter().filter(grabs).find(moves) {
+        Some(entry) => Err(TimelineError::BoneMoves { operation: entry.operation.name.clone() }),
+        None => Ok(()),
+    }
 }
 
 /// From patient space [mm] to the frame of the lattice [m].

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
 use super::effects::Drag;
+use super::effects::contact::Contact;
 use super::effects::fibres::{CellFibres, FibreScratch};
 use super::rigid::Bodies;
 use super::springs::{BlockInput, BlockSprings, block_of};
@@ -148,6 +149,8 @@ pub struct World {
     pub(super) drives: Vec<Drive>,
     /// Rigid parts that move; `None` without any, which then cost nothing.
     pub(super) rigid: Option<Box<Bodies>>,
+    /// What soft particles may not enter; `None` without any obstacle, which then costs nothing.
+    pub(super) contact: Option<Box<Contact>>,
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
@@ -206,6 +209,7 @@ impl World {
             claims: HashMap::new(),
             drives: Vec::new(),
             rigid,
+            contact: None,
             axes,
             gravity: Vector3::zeros(),
             arithmetic: Arithmetic::default(),
@@ -335,10 +339,11 @@ impl World {
         if let Some(body) = self.rigid_body_of(particle) {
             return self.place_body(body, particle, displacement);
         }
-        let slot = self.layout.slot[particle as usize] as usize;
+        let slot = self.layout.slot[particle as usize];
         for axis in 0..3 {
-            self.displacement[axis][slot] = displacement[axis] as f32;
+            self.displacement[axis][slot as usize] = displacement[axis] as f32;
         }
+        self.forget_clearance(slot);
     }
 
     /// Gives a particle a velocity, lattice axes [m/s]. One of a rigid body gives it to the whole body, which stops turning;
@@ -370,6 +375,11 @@ impl World {
         self.axes * patient
     }
 
+    /// A vector from lattice axes to patient axes (RAS+); the unit stays.
+    pub fn to_patient_axes(&self, local: Vector3) -> Vector3 {
+        self.axes.tr_mul(&local)
+    }
+
     /// Share of blocks whose springs are all alive and alike, which the fastest body steps.
     pub fn alike_share(&self) -> f64 {
         self.springs.alike_blocks() as f64 / self.layout.blocks.len() as f64
@@ -397,7 +407,9 @@ impl World {
         let assembled = assembled.map_or(0, |term| term.modulus.len() + term.viscosity.as_ref().map_or(0, Vec::len));
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
         let fibres = self.fibres.as_ref().map_or(0, |fibres| fibres.bytes() + 12 * self.lattice.len());
-        (state + self.springs.bytes() + cells + fibres + lattice + constants + rigid) as f64 / self.lattice.len() as f64
+        let contact = self.contact.as_ref().map_or(0, |contact| contact.bytes());
+        (state + self.springs.bytes() + cells + fibres + lattice + constants + rigid + contact) as f64
+            / self.lattice.len() as f64
     }
 
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
@@ -418,6 +430,7 @@ impl World {
         self.apply_drives(&mut fastest);
         self.apply_drag(&mut fastest);
         self.advance_bodies(&mut fastest);
+        self.touch_obstacles(&mut fastest);
         let sound = self.check(&fastest).and_then(|()| self.watch_alternation(&fastest));
         self.next_fastest = fastest;
         sound?;
@@ -713,8 +726,8 @@ impl World {
 /// Why a state that diverged may have done so, and what to do.
 pub(super) fn likely_cause(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> String {
     step_too_long(lattice, topology, assembly, dt).unwrap_or_else(|| {
-        "the step is within the stable bound, so a force or a grabbed region (or a start far from rest) moves the \
-         tissue faster than it can follow: lower the force, or give the motion more time"
+        "the step is within the stable bound, so a force or a grabbed region or a tool (or a start far from rest) \
+         moves the tissue faster than it can follow: lower the force, or give the motion more time"
             .to_owned()
     })
 }

@@ -96,12 +96,17 @@ impl BlockLayout {
         self.blocks.len() * BLOCK_LEN
     }
 
+    /// Grid index of a block's first grid point.
+    pub fn corner(&self, block: usize) -> [usize; 3] {
+        [0, 1, 2].map(|axis| self.origin[axis] + self.blocks[block][axis] as usize * BLOCK[axis])
+    }
+
     /// Grid index of a slot's grid point. Slots of the last blocks can lie outside the grid.
     pub fn ijk_of_slot(&self, slot: usize) -> [usize; 3] {
-        let block = self.blocks[slot / BLOCK_LEN];
+        let corner = self.corner(slot / BLOCK_LEN);
         let inside = slot % BLOCK_LEN;
         let local = [inside % BLOCK[0], inside / BLOCK[0] % BLOCK[1], inside / (BLOCK[0] * BLOCK[1])];
-        [0, 1, 2].map(|axis| self.origin[axis] + block[axis] as usize * BLOCK[axis] + local[axis])
+        [0, 1, 2].map(|axis| corner[axis] + local[axis])
     }
 
     /// The particle in a slot, if any.

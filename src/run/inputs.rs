@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::dynamics::effects::contact::ToolMesh;
+use crate::io::mesh_error::ReadMeshError;
 use crate::io::nifti::{ReadVolumeError, read_ct, read_labels};
+use crate::io::stl::read_stl;
 use crate::phantom::{self, PhantomError};
-use crate::scene::resolved::{Property, PropertyKind, Scene, VolumeSource};
+use crate::scene::resolved::{Action, Property, PropertyKind, Scene, ToolShape, VolumeSource};
 use crate::store::InputFile;
 use crate::volume::{CtVolume, GridMismatch, LabelVolume, Overlay, check_same_grid};
 
@@ -19,6 +22,8 @@ pub struct Inputs {
     pub labels: Option<LabelVolume>,
     /// Volumes of Young's modulus [Pa] or density [kg/m^3] by the path the scene names, on the same grid.
     pub properties: BTreeMap<PathBuf, CtVolume>,
+    /// Meshes of tools by the path the scene names [mm, RAS+].
+    pub tools: BTreeMap<PathBuf, ToolMesh>,
     /// Voxels of the image that were NaN or infinite and have been read as air.
     pub replaced_voxels: u64,
     /// The files that were read.
@@ -32,6 +37,14 @@ pub enum InputError {
     /// A file is missing, damaged or of another kind.
     #[error(transparent)]
     Read(#[from] ReadVolumeError),
+    /// The mesh of a tool is missing or damaged.
+    #[error("the mesh of tool `{tool}`: {source}")]
+    Tool {
+        /// Name of the tool.
+        tool: String,
+        /// Why.
+        source: ReadMeshError,
+    },
     /// The phantom cannot be made.
     #[error(transparent)]
     Phantom(#[from] PhantomError),
@@ -87,6 +100,15 @@ pub fn load(scene: &Scene) -> Result<Inputs, InputError> {
         record(&mut inputs.files, &info.header_path, &info.data_path)?;
         inputs.properties.insert(path.clone(), values);
     }
+    for operation in &scene.operations {
+        let Action::Tool { shape: ToolShape::Mesh { file }, .. } = &operation.action else { continue };
+        if inputs.tools.contains_key(file) {
+            continue;
+        }
+        let mesh = read_stl(file).map_err(|source| InputError::Tool { tool: operation.name.clone(), source })?;
+        record(&mut inputs.files, file, file)?;
+        inputs.tools.insert(file.clone(), ToolMesh { positions: mesh.positions, triangles: mesh.triangles });
+    }
     Ok(inputs)
 }
 
@@ -102,6 +124,7 @@ pub fn load_volume(source: &VolumeSource) -> Result<Inputs, InputError> {
                 image: Some(phantom.image),
                 labels: Some(phantom.labels),
                 properties: BTreeMap::new(),
+                tools: BTreeMap::new(),
                 replaced_voxels: 0,
                 files: Vec::new(),
             })
@@ -133,7 +156,8 @@ pub fn load_volume(source: &VolumeSource) -> Result<Inputs, InputError> {
                     source: Box::new(source),
                 })?;
             }
-            Ok(Inputs { image, labels, properties: BTreeMap::new(), replaced_voxels, files })
+            let (properties, tools) = (BTreeMap::new(), BTreeMap::new());
+            Ok(Inputs { image, labels, properties, tools, replaced_voxels, files })
         }
     }
 }

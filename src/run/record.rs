@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::drive::{Frame, Observer};
 use super::inputs::Inputs;
+use super::obstacle_forces::ObstacleForces;
 use super::prepare::Prepared;
 use crate::dynamics::measure::CellVolume;
 use crate::dynamics::timeline::{Event, What};
@@ -29,7 +30,7 @@ const SERIES_INTERVAL: Duration = Duration::from_secs(1);
 pub struct Recorder {
     writer: RunWriter,
     /// Values of each series that are not written yet: name, unit, values.
-    series: Vec<(&'static str, &'static str, Vec<f64>)>,
+    series: Vec<(String, &'static str, Vec<f64>)>,
     written: Instant,
     /// Names of the scene's organs.
     organs: Vec<String>,
@@ -37,6 +38,7 @@ pub struct Recorder {
     hu: Option<Vec<f32>>,
     last_frame: Option<(u64, f64)>,
     worst: Worst,
+    forces: ObstacleForces,
 }
 
 /// The largest changes of volume among the frames of a run.
@@ -181,6 +183,7 @@ impl Recorder {
             organs: scene.organs.iter().map(|organ| organ.name.clone()).collect(),
             last_frame: None,
             worst: Worst::default(),
+            forces: ObstacleForces::new(scene),
         })
     }
 
@@ -192,6 +195,11 @@ impl Recorder {
     /// The largest changes of volume so far.
     pub fn worst(&self) -> &Worst {
         &self.worst
+    }
+
+    /// What tools, planes and bone have felt, a line for each.
+    pub fn obstacle_lines(&self) -> Vec<String> {
+        self.forces.lines()
     }
 
     /// Names of the organs, in the order of the scene.
@@ -223,7 +231,7 @@ impl Recorder {
 
     fn write_series(&mut self) -> Result<(), WriteRunError> {
         for (name, unit, values) in self.series.drain(..) {
-            self.writer.push_series(name, unit, &values)?;
+            self.writer.push_series(&name, unit, &values)?;
         }
         self.written = Instant::now();
         Ok(())
@@ -235,16 +243,19 @@ impl Observer for Recorder {
 
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), WriteRunError> {
         let world = frame.world;
-        let values = [
+        let own = [
             ("volume_by_cells", "m3", frame.volume.now),
             ("rest_volume_by_cells", "m3", frame.volume.rest),
             ("inverted_cells", "1", frame.volume.inverted as f64),
             ("kinetic_energy", "J", frame.balance.kinetic),
             ("elastic_energy", "J", frame.balance.elastic),
         ];
+        let own = own.map(|(name, unit, value)| (name.to_owned(), unit, value));
+        let values: Vec<(String, &str, f64)> = own.into_iter().chain(self.forces.of_frame(frame)).collect();
         // Before anything is kept: frames and series have the same length, whatever ends a run.
-        if let Some(&(name, _, value)) = values.iter().find(|(_, _, value)| !value.is_finite()) {
-            return Err(WriteRunError::SeriesNotFinite { name: name.to_owned(), row: frame.number as usize, value });
+        if let Some((name, _, value)) = values.iter().find(|(_, _, value)| !value.is_finite()) {
+            let (name, value) = (name.clone(), *value);
+            return Err(WriteRunError::SeriesNotFinite { name, row: frame.number as usize, value });
         }
         self.writer.push_cuts(world.cut_sheet())?;
         self.writer.push_frame(FrameData {

@@ -85,6 +85,9 @@ mod tests {
                         | "pull"
                         | "push"
                         | "pressure"
+                        | "tool"
+                        | "plane"
+                        | "contact"
                         | "release"
                 );
                 assert!(is_table || text.contains("xample: `"), "{path}: `{key}` has no example: {text}");

@@ -16,6 +16,7 @@ pub(crate) mod color;
 mod diagnostics;
 mod json_schema;
 mod look;
+mod obstacles;
 mod operations;
 mod organs;
 mod problem;

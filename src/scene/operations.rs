@@ -1,17 +1,21 @@
-//! The time line: fixes, cuts, pulls, pushes and pressures, what they act on, and when they end.
+//! The time line: fixes, cuts, pulls, pushes and pressures, what they act on, and when they end. What tissue cannot enter comes
+//! from [`super::obstacles`].
 
 use super::checks::Checks;
 use super::diagnostics::KeyPath;
+use super::obstacles;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::regions::region;
 use super::resolved::{Action, Model, Operation, Pressed};
 use super::schema::{self, SceneFile};
 use super::values::Triple;
+use std::path::Path;
+
 use crate::geometry::{Point3, Vector3};
 
-/// A blade is drawn and moved within this many millimetres of the origin (a thousand kilometres). Products of lengths up to
+/// A blade or tool is drawn and moved within this many millimetres of the origin (a thousand kilometres). Products of lengths up to
 /// there stay finite, and in f64 a place is still known to better than a micrometre.
-const FARTHEST_MM: f64 = 1e9;
+pub(super) const FARTHEST_MM: f64 = 1e9;
 
 /// An operation with the way to its table.
 struct Entry {
@@ -21,7 +25,12 @@ struct Entry {
 
 /// Checks and resolves the time line; `None` when a problem was found. Without a duration (itself wrong) the checks
 /// against the end of the run are left out.
-pub(super) fn operations(checks: &mut Checks<'_>, file: &SceneFile, duration: Option<f64>) -> Option<Vec<Operation>> {
+pub(super) fn operations(
+    checks: &mut Checks<'_>,
+    file: &SceneFile,
+    duration: Option<f64>,
+    folder: &Path,
+) -> Option<Vec<Operation>> {
     let before = checks.problems.len();
     let duration = duration.unwrap_or(f64::INFINITY);
     let mut entries = Vec::new();
@@ -52,6 +61,24 @@ pub(super) fn operations(checks: &mut Checks<'_>, file: &SceneFile, duration: Op
         let (from, to) = span(checks, &table, pressure.from, pressure.to);
         let action = pressed(checks, &table, pressure, file);
         push(&mut entries, table, name(&pressure.name, "pressure", index), from, to.unwrap_or(f64::INFINITY), action);
+    }
+    for (index, tool) in file.tool.iter().enumerate() {
+        let table = KeyPath::top("tool").index(index);
+        let (from, to) = span(checks, &table, tool.from, tool.to);
+        let action = obstacles::tool(checks, &table, tool, folder, to.unwrap_or(duration));
+        // A tool stays after its path has ended, as a grab does.
+        let until = to.filter(|_| tool.path.is_none()).unwrap_or(f64::INFINITY);
+        push(&mut entries, table, name(&tool.name, "tool", index), from, until, action);
+    }
+    for (index, plane) in file.plane.iter().enumerate() {
+        let table = KeyPath::top("plane").index(index);
+        let action = obstacles::plane(checks, &table, plane);
+        push(&mut entries, table, name(&plane.name, "plane", index), 0.0, f64::INFINITY, action);
+    }
+    if let Some(contact) = &file.contact {
+        let table = KeyPath::top("contact");
+        let action = obstacles::bone(checks, &table, contact, file);
+        push(&mut entries, table, "bone".to_owned(), 0.0, f64::INFINITY, action);
     }
     check_names(checks, &entries);
     release(checks, file, &mut entries);
@@ -117,7 +144,7 @@ fn blade_sweep(checks: &mut Checks<'_>, table: &KeyPath, cut: &schema::Cut) -> O
 }
 
 /// Whether all places are near enough to be in a room with the patient; the first that is not is reported.
-fn near(checks: &mut Checks<'_>, key: &KeyPath, points: &[Vector3]) -> bool {
+pub(super) fn near(checks: &mut Checks<'_>, key: &KeyPath, points: &[Vector3]) -> bool {
     let far = |point: &Vector3| point.iter().copied().find(|part| part.abs() > FARTHEST_MM);
     let found = points.iter().enumerate().find_map(|(index, point)| far(point).map(|part| (index, part)));
     if let Some((index, part)) = found {
@@ -128,7 +155,7 @@ fn near(checks: &mut Checks<'_>, key: &KeyPath, points: &[Vector3]) -> bool {
 }
 
 /// Finite places, at least two of them, and a length above zero.
-fn polyline(checks: &mut Checks<'_>, key: &KeyPath, points: &[Triple], what: &str) -> Option<Vec<Vector3>> {
+pub(super) fn polyline(checks: &mut Checks<'_>, key: &KeyPath, points: &[Triple], what: &str) -> Option<Vec<Vector3>> {
     let points: Vec<Vector3> = checks.triples(key, points).into_iter().map(Vector3::from).collect();
     if !points.iter().flatten().all(|part| part.is_finite()) {
         return None;
@@ -259,7 +286,7 @@ fn release(checks: &mut Checks<'_>, file: &SceneFile, entries: &mut [Entry]) {
             checks.problem(&table.key("of"), Problem::Conflict { first, second: table.to_string(), next });
             continue;
         }
-        let held = |entry: &&mut Entry| !matches!(entry.operation.action, Action::Cut { .. });
+        let held = |entry: &&mut Entry| !matches!(entry.operation.action, Action::Cut { .. } | Action::Bone { .. });
         let Some(target) = entries.iter_mut().filter(held).find(|entry| entry.operation.name == release.of) else {
             unknown_target(checks, &table.key("of"), file, &release.of);
             continue;
@@ -286,6 +313,8 @@ fn unknown_target(checks: &mut Checks<'_>, key: &KeyPath, file: &SceneFile, foun
         ("pull", file.pull.iter().map(|pull| &pull.name).collect()),
         ("push", file.push.iter().map(|push| &push.name).collect()),
         ("pressure", file.pressure.iter().map(|pressure| &pressure.name).collect()),
+        ("tool", file.tool.iter().map(|tool| &tool.name).collect()),
+        ("plane", file.plane.iter().map(|plane| &plane.name).collect()),
     ]
     .into_iter()
     .flat_map(|(kind, names)| names.into_iter().enumerate().map(move |(index, own)| name(own, kind, index)))
@@ -295,7 +324,12 @@ fn unknown_target(checks: &mut Checks<'_>, key: &KeyPath, file: &SceneFile, foun
         let suggestion = nearest_name(found, known.iter().map(String::as_str));
         checks.problem(
             key,
-            Problem::UnknownName { kind: "fix, pull, push or pressure", found: found.to_owned(), suggestion, known },
+            Problem::UnknownName {
+                kind: "fix, pull, push, pressure, tool or plane",
+                found: found.to_owned(),
+                suggestion,
+                known,
+            },
         );
     }
 }
@@ -311,10 +345,11 @@ fn check_against_run(checks: &mut Checks<'_>, entry: &Entry, duration: f64) {
         return;
     }
     let (finished, goal) = match action {
-        Action::Fix { .. } => return,
+        Action::Fix { .. } | Action::Plane { .. } | Action::Bone { .. } => return,
+        Action::Tool { path, .. } if path.len() < 2 => return,
         Action::Force { ramp, .. } => (from + ramp, "its full force"),
         Action::Pressure { ramp, .. } => (from + ramp, "its full pressure"),
-        Action::Grab { arrive, .. } => (*arrive, "the end of its path"),
+        Action::Grab { arrive, .. } | Action::Tool { arrive, .. } => (*arrive, "the end of its path"),
         Action::Cut { .. } => (*until, ""),
     };
     if finished > *until * (1.0 + 1e-9) {

@@ -199,13 +199,14 @@ pub enum Caution {
     },
     /// Gravity, but nothing that holds the organs.
     #[error(
-        "nothing holds the organs, so they fall freely; add a [[fix]], an organ with `rigid = true` and no density, or a \
-         grab"
+        "nothing holds the organs, so they fall freely; add a [[fix]], a [[plane]], an organ with `rigid = true` and no density, \
+         or a grab"
     )]
     FreeFall,
     /// No force, no motion: the run would show the rest state.
     #[error(
-        "nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]], a [[pressure]] or [gravity]"
+        "nothing moves the organs, so every frame shows them at rest; add a [[pull]], a [[push]], a [[pressure]], a [[tool]] with a \
+         path, or [gravity]"
     )]
     NothingMoves,
 }
@@ -230,6 +231,7 @@ impl Problem {
             let kind = match key.to_string().as_str() {
                 "lattice.model" => "model",
                 "volume.phantom" => "phantom",
+                _ if known.iter().any(|name| name == "capsule") => "shape",
                 _ if is_region => "region",
                 _ => "choice",
             };
@@ -242,6 +244,9 @@ impl Problem {
         }
         if message.starts_with("wanted exactly 1 element") {
             let found = message.rsplit(", ").next().unwrap_or(message).replace("found ", "").replace("element", "key");
+            if key.to_string().starts_with("tool[") {
+                return Self::OutOfRange { found, expected: "exactly one of sphere, capsule, box, mesh".to_owned() };
+            }
             let expected = "exactly one of sphere, box, half_space, organ, nearest, all, any, not; combine regions with \
                             all = [...] or any = [...]";
             return Self::OutOfRange { found, expected: expected.to_owned() };
@@ -268,13 +273,15 @@ fn what_to_write(key: &str) -> &'static str {
         "path" => "give offsets of the blade, such as path = [[0, 80, 0], [0, 0, 0]] (mm)",
         "to" => "say when the cut is finished, such as to = 0.15 (s)",
         "pressure" => "give it in Pa, such as pressure = 2e3 (1 mmHg is 133 Pa)",
-        "of" => "name the fix, pull, push or pressure that ends, such as of = \"pull 1\"",
+        "of" => "name the fix, pull, push, pressure, tool or plane that ends, such as of = \"pull 1\"",
         "at" => "say when, such as at = 0.3 (s)",
         "acceleration" => "write acceleration = [0, 0, -9.81] (m/s2)",
         "direction" => "write direction = [0, 0, 1] (RAS+)",
         "modulus" => "write modulus = 2e4 (Pa)",
         "rate" => "write rate = 2.0 (1/s)",
         "radius" => "give it in mm, such as radius = 12",
+        "shape" => "give its shape, such as shape = { sphere = { center = [0, 0, 40], radius = 10 } } (mm)",
+        "file" => "name the file, such as file = \"tool.stl\"",
         _ => "write [x, y, z] in mm, such as [10, -40, 0]",
     }
 }

@@ -4,6 +4,7 @@ use super::checks::Checks;
 use super::diagnostics::KeyPath;
 use super::problem::{Problem, nearest_name, number};
 use super::schema::{self, SceneFile};
+use super::values::Triple;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::region::Region;
 
@@ -37,14 +38,7 @@ pub(super) fn region(
         schema::Region::HalfSpace(half_space) => {
             let key = key.key("half_space");
             let point = Point3::from(checks.triple(&key.key("point"), half_space.point, "mm"));
-            let normal = Vector3::from(checks.triple(&key.key("normal"), half_space.normal, "any unit"));
-            let length = normal.norm();
-            // Shorter or longer than this its square would not be a number.
-            if half_space.normal.0.iter().all(|part| part.is_finite()) && !(1e-150..=1e150).contains(&length) {
-                let found = format!("a normal of length {}", number(length));
-                let expected = "a direction into the region, such as [0, 0, 1]".to_owned();
-                checks.problem(&key.key("normal"), Problem::Degenerate { found, expected });
-            }
+            let normal = direction(checks, &key.key("normal"), half_space.normal, "a direction into the region");
             Some(Region::HalfSpace { point, normal })
         }
         schema::Region::Organ(name) => {
@@ -73,6 +67,21 @@ pub(super) fn region(
             region(checks, &key.key("not"), inner, file).map(|inner| Region::Not(Box::new(inner)))
         }
     }
+}
+
+/// A vector that has a direction.
+///
+/// - `expected`: what it is, in words.
+pub(super) fn direction(checks: &mut Checks<'_>, key: &KeyPath, written: Triple, expected: &str) -> Vector3 {
+    let normal = Vector3::from(checks.triple(key, written, "any unit"));
+    let length = normal.norm();
+    // Shorter or longer than this its square would not be a number.
+    if written.0.iter().all(|part| part.is_finite()) && !(1e-150..=1e150).contains(&length) {
+        let found = format!("a normal of length {}", number(length));
+        let expected = format!("{expected}, such as [0, 0, 1]");
+        checks.problem(key, Problem::Degenerate { found, expected });
+    }
+    normal
 }
 
 fn several(checks: &mut Checks<'_>, key: &KeyPath, list: &[schema::Region], file: &SceneFile) -> Option<Vec<Region>> {

@@ -59,7 +59,7 @@ pub(super) fn resolve(
     });
     let drag = file.drag.as_ref().map(|drag| checks.above_zero(&KeyPath::top("drag").key("rate"), drag.rate, "1/s"));
     let organs = organs::organs(&mut checks, file, lattice.model, folder, label_names);
-    let operations = operations::operations(&mut checks, file, time.map(|time| time.duration));
+    let operations = operations::operations(&mut checks, file, time.map(|time| time.duration), folder);
     let in_order_of_text = |found: &Located<Problem>| (found.place.line, found.place.column);
     checks.problems.sort_by_key(in_order_of_text);
     if !checks.problems.is_empty() {
@@ -163,13 +163,15 @@ fn look_over(checks: &mut Checks<'_>, scene: &Scene) {
     let does = |test: fn(&Action) -> bool| scene.operations.iter().any(|operation| test(&operation.action));
     let grabbed = does(|action| matches!(action, Action::Grab { .. }));
     let held = grabbed
-        || does(|action| matches!(action, Action::Fix { .. }))
+        || does(|action| matches!(action, Action::Fix { .. } | Action::Plane { .. }))
         || scene.organs.iter().any(|organ| organ.body == Body::Rigid { density: None });
     let falls = scene.gravity != Vector3::zeros();
     if falls && !held {
         checks.caution(&KeyPath::top("gravity"), Caution::FreeFall);
     }
-    if !falls && !grabbed && !does(|action| matches!(action, Action::Force { .. } | Action::Pressure { .. })) {
+    let pushed = does(|action| matches!(action, Action::Force { .. } | Action::Pressure { .. }))
+        || does(|action| matches!(action, Action::Tool { path, .. } if path.len() > 1));
+    if !falls && !grabbed && !pushed {
         checks.caution(&KeyPath::default(), Caution::NothingMoves);
     }
 }

@@ -307,6 +307,77 @@ pub enum Action {
         #[serde(rename = "path_mm")]
         path: Vec<Vector3>,
     },
+    /// A rigid body that soft tissue cannot enter.
+    Tool {
+        /// Its shape.
+        shape: ToolShape,
+        /// Offsets added to its shape, RAS+ [mm]; straight between, at constant speed. One that stands still has one.
+        #[serde(rename = "path_mm")]
+        path: Vec<Vector3>,
+        /// When the end of the path is reached [s].
+        #[serde(rename = "arrive_s")]
+        arrive: f64,
+        /// Coulomb's coefficient.
+        friction: f64,
+    },
+    /// A plane that soft tissue stays on one side of.
+    Plane {
+        /// Any point of it, RAS+ [mm].
+        #[serde(rename = "point_mm")]
+        point: Point3,
+        /// Direction to the side where tissue stays, of any length.
+        normal: Vector3,
+        /// Coulomb's coefficient.
+        friction: f64,
+    },
+    /// Rigid organs that stay where they are, which soft tissue cannot enter.
+    Bone {
+        /// Indices of these organs.
+        organs: Vec<usize>,
+        /// Coulomb's coefficient.
+        friction: f64,
+    },
+}
+
+/// The shape of a tool, where it stands before it is moved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ToolShape {
+    /// A ball.
+    Sphere {
+        /// Centre, RAS+ [mm].
+        #[serde(rename = "center_mm")]
+        center: Point3,
+        /// Radius [mm].
+        #[serde(rename = "radius_mm")]
+        radius: f64,
+    },
+    /// All places at most a radius from a line.
+    Capsule {
+        /// One end of the line, RAS+ [mm].
+        #[serde(rename = "from_mm")]
+        from: Point3,
+        /// The other end, RAS+ [mm].
+        #[serde(rename = "to_mm")]
+        to: Point3,
+        /// Radius [mm].
+        #[serde(rename = "radius_mm")]
+        radius: f64,
+    },
+    /// A box along the axes.
+    Box {
+        /// Lowest corner, RAS+ [mm].
+        #[serde(rename = "min_mm")]
+        min: Point3,
+        /// Highest corner, RAS+ [mm].
+        #[serde(rename = "max_mm")]
+        max: Point3,
+    },
+    /// The inside of a closed triangle mesh [mm, RAS+].
+    Mesh {
+        /// STL file.
+        file: PathBuf,
+    },
 }
 
 /// Faces that are pressed.
@@ -363,6 +434,8 @@ mod tests {
         let organ =
             |name: &str, voxels, body| Organ { name: name.into(), voxels, body, fibres: None, color, look: None };
         let colors = Look::Colors(vec![LookColor { hu: -0.1, color }, LookColor { hu: 1e3 / 3.0, color }]);
+        let tool =
+            |shape| Action::Tool { shape, path: vec![Vector3::zeros(), Vector3::x()], arrive: 0.1, friction: 0.7 };
         let actions = [
             Action::Fix { region: region.clone() },
             Action::Force { region: region.clone(), force: Vector3::new(0.0, -3.1, 0.0), ramp: 0.02 },
@@ -374,6 +447,16 @@ mod tests {
             Action::Cut { blade: vec![Point3::origin(); 2], path: vec![Vector3::x(), Vector3::y()] },
             Action::Pressure { on: Pressed::Border(region), pressure: 1e3 / 3.0, ramp: 0.02 },
             Action::Pressure { on: Pressed::LipsOf("cut".into()), pressure: -0.1, ramp: 0.0 },
+            tool(ToolShape::Sphere { center: Point3::new(0.1, 0.2, 1.0 / 3.0), radius: 0.1 + 0.2 }),
+            tool(ToolShape::Capsule { from: Point3::origin(), to: Point3::new(0.1, -0.7, 3.0), radius: 4.0 }),
+            tool(ToolShape::Box { min: Point3::origin(), max: Point3::new(1.0, 2.0, 0.1 + 0.2) }),
+            tool(ToolShape::Mesh { file: "/data/tool.stl".into() }),
+            Action::Plane {
+                point: Point3::new(0.0, 0.1, 0.0),
+                normal: Vector3::new(0.0, 1.0 / 3.0, 1.0),
+                friction: 0.3,
+            },
+            Action::Bone { organs: vec![2, 3], friction: 0.1 + 0.2 },
         ];
         Scene {
             volume: VolumeSource::Files { image: Some("a/ct.nii.gz".into()), labels: None },
@@ -400,7 +483,7 @@ mod tests {
             drag: Some(0.3),
             operations: actions
                 .into_iter()
-                .zip([f64::INFINITY, 0.1 + 0.2, 1e9, f64::INFINITY, 2.0, 3.0])
+                .zip([f64::INFINITY, 0.1 + 0.2, 1e9].into_iter().cycle())
                 .map(|(action, until)| Operation { name: format!("{until}"), from: 0.1, until, action })
                 .collect(),
         }
@@ -441,6 +524,10 @@ mod tests {
         let region = &value["operations"][0]["action"]["fix"]["region"];
         assert_eq!(region["any"][0]["sphere"]["center_mm"][0], 0.1 + 0.2);
         assert_eq!(value["operations"][3]["action"]["cut"]["path_mm"][0][0], 1.0);
+        let tool = |operation: usize| &value["operations"][operation]["action"]["tool"];
+        assert_eq!(tool(4)["shape"]["sphere"]["radius_mm"], 0.1 + 0.2);
+        assert_eq!((&tool(5)["arrive_s"], &tool(5)["path_mm"][1][0]), (&0.1.into(), &1.0.into()));
+        assert_eq!(value["operations"][8]["action"]["plane"]["point_mm"][1], 0.1);
     }
 
     /// Runs written while a density was always a number.

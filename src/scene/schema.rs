@@ -55,7 +55,16 @@ pub(super) struct SceneFile {
     /// Pressures on surfaces, each in its own `[[pressure]]` table; model "tissue" only. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) pressure: Vec<Pressure>,
-    /// Ends of a fix, pull, push or pressure before the run ends, each in its own `[[release]]` table. Default: none.
+    /// Rigid tools that tissue cannot enter, each in its own `[[tool]]` table. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) tool: Vec<Tool>,
+    /// Planes that tissue stays on one side of, such as a table, each in its own `[[plane]]` table. Default: none.
+    #[serde(default, deserialize_with = "tables")]
+    pub(super) plane: Vec<Plane>,
+    /// Contact of soft tissue with bone. Default: none.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) contact: Option<Contact>,
+    /// Ends of a fix, pull, push, pressure, tool or plane before the run ends, each in its own `[[release]]` table. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) release: Vec<Release>,
 }
@@ -333,11 +342,104 @@ pub(super) struct Pressure {
     pub(super) to: Option<f64>,
 }
 
-/// Ends a fix, pull, push or pressure.
+/// A rigid tool: soft tissue cannot enter it, and it moves whatever happens.
+///
+/// Tissue is met at its particles, so a tool should be wider than two pitches of the lattice. Bone that moves feels no tool.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tool {
+    /// Name for messages and for `[[release]]`. Default: "tool 1", "tool 2", ... Example: `name = "probe"`.
+    pub(super) name: Option<String>,
+    /// Its shape. Example: `shape = { sphere = { center = [0, 0, 40], radius = 10 } }`.
+    pub(super) shape: ToolShape,
+    /// How it moves, without turning: offsets [mm] added to its shape, at least two, straight between and at constant speed.
+    /// It stays at the last one. Default: it stands still. Example: `path = [[0, 0, 0], [0, -20, 0]]`.
+    #[schemars(length(min = 2))]
+    pub(super) path: Option<Vec<Triple>>,
+    /// Appears [s], 0 or more. Tissue that is inside then is led out slowly. Default: 0. Example: `from = 0.1`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) from: Option<f64>,
+    /// With `path`: when its end is reached; without: when the tool is taken away [s]; after `from`. Default: the end of the
+    /// run. Example: `to = 0.3`.
+    pub(super) to: Option<f64>,
+    /// Coefficient of friction of tissue on it (Coulomb), 0 or more. Default: 0. Example: `friction = 0.2`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) friction: Option<f64>,
+}
+
+/// The shape of a tool: exactly one of these keys.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum ToolShape {
+    /// A ball. Example: `{ sphere = { center = [0, 0, 40], radius = 10 } }`.
+    #[serde(deserialize_with = "table")]
+    Sphere(Sphere),
+    /// A rod with round ends. Example: `{ capsule = { from = [0, 0, 40], to = [0, 60, 90], radius = 4 } }`.
+    #[serde(deserialize_with = "table")]
+    Capsule(Capsule),
+    /// A box along the axes. Example: `{ box = { min = [-10, -10, 30], max = [10, 10, 50] } }`.
+    #[serde(deserialize_with = "table")]
+    Box(Corners),
+    /// A closed triangle mesh. Example: `{ mesh = { file = "tool.stl" } }`.
+    #[serde(deserialize_with = "table")]
+    Mesh(MeshFile),
+}
+
+/// A rod with round ends.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Capsule {
+    /// One end of its axis, RAS+ [mm]. Example: `from = [0, 0, 40]`.
+    pub(super) from: Triple,
+    /// The other end, RAS+ [mm]. Example: `to = [0, 60, 90]`.
+    pub(super) to: Triple,
+    /// Radius [mm], above 0. Example: `radius = 4`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) radius: f64,
+}
+
+/// A triangle mesh in a file.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MeshFile {
+    /// STL file, RAS+ [mm], closed and with its normals outward; a path relative to the scene file. Distances to it are sampled
+    /// every quarter of a pitch, or as finely as two million samples allow. Example: `file = "tool.stl"`.
+    pub(super) file: PathBuf,
+}
+
+/// A plane that tissue stays on one side of: a table, a bed, a wall.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Plane {
+    /// Name for messages and for `[[release]]`. Default: "plane 1", "plane 2", ... Example: `name = "table"`.
+    pub(super) name: Option<String>,
+    /// Any point of the plane, RAS+ [mm]. Example: `point = [0, -60, 0]`.
+    pub(super) point: Triple,
+    /// Direction to the side where tissue stays; its length does not matter. Example: `normal = [0, 1, 0]`.
+    pub(super) normal: Triple,
+    /// Coefficient of friction of tissue on it (Coulomb), 0 or more. Default: 0. Example: `friction = 0.3`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) friction: Option<f64>,
+}
+
+/// Contact of soft tissue with bone.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Contact {
+    /// Soft tissue cannot enter rigid organs that stay where they are (`rigid = true` without a density). Default: false.
+    /// Example: `bone = true`.
+    #[serde(default)]
+    pub(super) bone: bool,
+    /// Coefficient of friction of tissue on bone (Coulomb), 0 or more. Default: 0. Example: `friction = 0.1`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) friction: Option<f64>,
+}
+
+/// Ends a fix, pull, push or pressure, or takes a tool or plane away.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Release {
-    /// Name of the fix, pull, push or pressure that ends. Example: `of = "clamp"`.
+    /// Name of the fix, pull, push, pressure, tool or plane that ends. Example: `of = "clamp"`.
     pub(super) of: String,
     /// When [s], after it began. Example: `at = 0.3`.
     pub(super) at: f64,

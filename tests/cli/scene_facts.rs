@@ -107,6 +107,43 @@ fn tissue_is_what_was_asked_for_and_waves_run_through_it() {
 }
 
 #[test]
+fn what_tissue_cannot_enter_is_listed() {
+    let folder = Folder::new();
+    let tool = "[[tool]]\nname = \"ball\"\nshape = { sphere = { center = [0, 0, 44], radius = 12.5 } }\n\
+                path = [[0, 0, 0], [0, 0, -4]]\nfrom = 0.005\nto = 0.02\nfriction = 0.2\n";
+    let plane = "[[plane]]\npoint = [0, 0, -40]\nnormal = [0, 0, 1]\n";
+    folder.write("cube.toml", format!("{CUBE}\n{plane}{tool}"));
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    let [plane, ball] = [&facts["obstacles"][0], &facts["obstacles"][1]];
+    assert_eq!((plane["name"].as_str(), plane["until_s"].is_null()), (Some("plane 1"), true));
+    assert_eq!(ball["is"]["tool"]["shape"]["sphere"]["radius_mm"], 12.5);
+    assert_eq!((&ball["from_s"], &ball["is"]["tool"]["friction"]), (&0.005.into(), &0.2.into()));
+    assert_eq!(
+        (&facts["effects"]["operations"]["tool"], &facts["effects"]["operations"]["plane"]),
+        (&1.into(), &1.into())
+    );
+    folder.yawara(&["info", "cube.toml"]).done().prints(&[
+        "plane 1: plane through (0, 0, -40) mm, tissue towards (0, 0, 1), no friction",
+        "ball: sphere of radius 12.5 mm at (0, 0, 44) mm, moves by (0, 0, -4) mm until 0.02 s, from 0.005 s, friction 0.2",
+    ]);
+    folder
+        .yawara(&["run", "cube.toml", "-o", "run"])
+        .done()
+        .says(&["`ball`: force of the tissue on it", "series obstacle_2"]);
+
+    folder.write("thin.toml", format!("{CUBE}\n{}", tool.replace("12.5", "5")));
+    folder.yawara(&["info", "thin.toml"]).done().says(&["warning: `ball` is 10.000 mm thick", "6.000 mm apart"]);
+
+    // An open mesh is refused with its tool.
+    let mesh = tool.replace("sphere = { center = [0, 0, 44], radius = 12.5 }", "mesh = { file = \"tool.stl\" }");
+    folder.write("mesh.toml", format!("{CUBE}\n{mesh}"));
+    folder.yawara(&["info", "mesh.toml"]).refused(&["the mesh of tool `ball`", "tool.stl"]);
+    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 9 0 0\nvertex 0 9 0\nendloop\nendfacet\n";
+    folder.write("tool.stl", format!("solid open\n{facet}endsolid open\n"));
+    folder.yawara(&["run", "mesh.toml", "-o", "other"]).refused(&["`ball`", "tool.stl", "it is not closed: 3 edges"]);
+}
+
+#[test]
 fn an_organ_two_particles_thick_has_no_bulk() {
     let folder = Folder::new();
     let everywhere = "box = { min = [-99, -99, -99], max = [99, 99, 99] }";
