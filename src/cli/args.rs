@@ -408,6 +408,8 @@ pub(super) struct VerifyArguments {
 pub(super) enum BenchCommand {
     /// Steps of a full cube of particles: mass 1, spacing 1, stiffness 10, no damper, dt 0.01, stretched by 0.1 % along x.
     Lattice(BenchLatticeArguments),
+    /// What each effect of a scene costs: alone, and in the usual company, in turn with a bare lattice.
+    Effects(BenchEffectsArguments),
     /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
     Surface(BenchSurfaceArguments),
     /// The same ball carried by a lattice of three times its spacing: places and normals of one frame after another.
@@ -453,6 +455,23 @@ pub(super) struct BenchLatticeArguments {
     /// folder.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "json"])]
     pub(super) scaling: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench effects --n 64 -o outputs/effects")]
+pub(super) struct BenchEffectsArguments {
+    /// Cells along each edge of the cube, 6 to 120.
+    #[arg(long, default_value_t = 80)]
+    pub(super) n: usize,
+    /// How often every case takes its turn.
+    #[arg(long, default_value_t = 7)]
+    pub(super) rounds: usize,
+    /// Writes effects.csv and effects.png into this folder. Default: nothing is written.
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

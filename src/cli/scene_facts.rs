@@ -13,8 +13,8 @@ use crate::dynamics::stable_dt::SAFETY;
 use crate::dynamics::timeline::Timeline;
 use crate::geometry::Vector3;
 use crate::lattice::Topology;
-use crate::material::Assembly;
 use crate::material::elastic::Bulk;
+use crate::material::{Assembly, SpringConstants};
 use crate::run::estimate::Pace;
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
@@ -81,11 +81,22 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     let bytes = world.bytes_per_particle();
     facts["bytes_per_particle"] = json!(bytes);
     facts["memory_mb"] = json!(bytes * particles as f64 * 1e-6);
-    facts["share_of_blocks_alike"] = json!(world.alike_share());
+    let arithmetic = world.arithmetic();
+    facts["loop"] = json!({
+        "constants": match world.assembly().stiffness {
+            SpringConstants::Uniform(_) => "the same for all springs",
+            SpringConstants::MeanOfEnds(_) => "means of two ends",
+            SpringConstants::SumOfCells { .. } => "sums over cells",
+        },
+        "exact": arithmetic.exact(),
+        "instruction_set": arithmetic.set().name(),
+        "share_of_blocks_alike": world.alike_share(),
+    });
     match Pace::measure(&mut world, &mut timeline, &schedule, BUDGET) {
         Ok(pace) => {
             facts["estimated_time_s"] = json!(pace.of(&schedule));
             facts["estimated_step_s"] = json!(pace.step);
+            facts["estimated_particle_steps_per_s"] = json!(particles as f64 / pace.step);
             facts["estimated_frame_s"] = json!(pace.frame);
             facts["estimated_from_steps"] = json!(pace.timed_steps);
         }
@@ -285,6 +296,7 @@ pub(super) fn text(facts: &Value) -> String {
         ("stable bound", bound),
         ("step", step),
         ("effects", effects_text(&facts["effects"])),
+        ("loop", loop_text(facts)),
         ("time", estimate),
     ];
     let mut lines = Vec::new();
@@ -321,6 +333,24 @@ fn effects_text(effects: &Value) -> String {
     let rigid = effects["rigid_organs"].as_u64().unwrap_or(0);
     found.extend((rigid > 0).then(|| times(rigid, "rigid organ")));
     found.join(", ")
+}
+
+/// The loop that was chosen for these effects.
+fn loop_text(facts: &Value) -> String {
+    let chosen = &facts["loop"];
+    let text = |key: &str| chosen[key].as_str().unwrap_or_default();
+    let dampers = if facts["effects"]["dampers"].as_bool() == Some(true) { "springs and dampers" } else { "springs" };
+    let arithmetic = if chosen["exact"].as_bool() == Some(true) { "exact" } else { "fast" };
+    let alike = 100.0 * chosen["share_of_blocks_alike"].as_f64().unwrap_or(f64::NAN);
+    let mut found = format!(
+        "{dampers}, constants {}, {arithmetic} arithmetic on {}, {alike:.0} % of blocks alike",
+        text("constants"),
+        text("instruction_set")
+    );
+    if let Some(rate) = facts["estimated_particle_steps_per_s"].as_f64() {
+        found += &format!(", {} million particle-steps/s", digits(rate * 1e-6, 3));
+    }
+    found
 }
 
 /// Organs as a table of what they are made of, then what is different from direction to direction.

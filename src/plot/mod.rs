@@ -5,6 +5,7 @@
 //! Characters outside ISO 8859-1 (Greek letters, say; "µ" and "°" are inside) are drawn as "?".
 //! Not a plotting library: one pair of axes, lines with or without marks.
 
+pub mod bars;
 pub(crate) mod canvas;
 pub mod color_bar;
 mod csv;

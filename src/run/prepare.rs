@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::dynamics::World;
 use crate::dynamics::stable_dt::{Limits, SAFETY};
 use crate::geometry::Point3;
+use crate::kernel::dispatch::{Arithmetic, InstructionSet};
 use crate::lattice::build::{BuildLatticeError, build};
 use crate::lattice::cells::build_cells;
 use crate::lattice::{Lattice, Topology};
@@ -232,11 +233,12 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
 }
 
 impl Prepared {
-    /// The lattice at rest, under the scene's gravity and drag.
+    /// The lattice at rest, under the scene's gravity and drag, with its arithmetic.
     pub fn into_world(self, scene: &Scene) -> World {
         let mut world = World::new(self.lattice, self.assembly, self.schedule.dt);
         world.set_gravity(scene.gravity);
         world.set_drag(scene.drag.unwrap_or(0.0));
+        world.set_arithmetic(Arithmetic::new(InstructionSet::best(), scene.time.exact));
         world
     }
 }
@@ -253,7 +255,7 @@ mod tests {
 
     #[test]
     fn the_step_divides_a_frame() {
-        let time = TimeSpec { duration: 0.4, frames: 40, dt: None };
+        let time = TimeSpec { duration: 0.4, frames: 40, dt: None, exact: false };
         let schedule = schedule(&time, 3.3e-4).unwrap();
         assert!(schedule.dt <= SAFETY * 3.3e-4);
         assert_eq!(schedule.steps % 40, 0);
@@ -264,7 +266,7 @@ mod tests {
 
     #[test]
     fn an_unstable_step_is_refused_with_one_that_works() {
-        let time = TimeSpec { duration: 0.4, frames: 40, dt: Some(1e-3) };
+        let time = TimeSpec { duration: 0.4, frames: 40, dt: Some(1e-3), exact: false };
         let error = schedule(&time, 3.3e-4).unwrap_err();
         let PrepareError::UnstableStep { suggested, .. } = error else { panic!("{error}") };
         assert!(schedule(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
@@ -273,14 +275,14 @@ mod tests {
 
     #[test]
     fn a_run_without_end_is_refused() {
-        let time = TimeSpec { duration: 1e300, frames: 40, dt: None };
+        let time = TimeSpec { duration: 1e300, frames: 40, dt: None, exact: false };
         let error = schedule(&time, 1e-3).unwrap_err().to_string();
         assert!(["1e300", "steps", "1.000e-3", "1e12"].iter().all(|part| error.contains(part)), "{error}");
     }
 
     #[test]
     fn a_given_step_is_kept() {
-        let time = TimeSpec { duration: 0.1, frames: 7, dt: Some(1e-3) };
+        let time = TimeSpec { duration: 0.1, frames: 7, dt: Some(1e-3), exact: false };
         let schedule = schedule(&time, 2e-3).unwrap();
         assert_eq!((schedule.dt, schedule.steps), (1e-3, 100));
         assert_eq!(schedule.step_of_frame(7), 100);

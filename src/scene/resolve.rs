@@ -155,7 +155,7 @@ fn time(checks: &mut Checks<'_>, written: &schema::Time) -> Option<TimeSpec> {
         let expected = format!("at most one frame per step, and there are {} steps", number(steps));
         checks.out_of_range(&table.key("frames"), frames.to_string(), expected);
     }
-    Some(TimeSpec { duration, frames: usize::try_from(frames).ok()?, dt })
+    Some(TimeSpec { duration, frames: usize::try_from(frames).ok()?, dt, exact: written.exact })
 }
 
 /// Warnings about the scene as a whole.

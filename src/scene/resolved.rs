@@ -236,6 +236,9 @@ pub struct TimeSpec {
     /// Time step [s]; `None` lets the program choose a stable one.
     #[serde(rename = "dt_s")]
     pub dt: Option<f64>,
+    /// Whether forces are computed with the same bits on every instruction set.
+    #[serde(default)]
+    pub exact: bool,
 }
 
 /// One entry of the time line.
@@ -478,7 +481,7 @@ mod tests {
                 },
                 organ("f", labels(10), measured),
             ],
-            time: TimeSpec { duration: 0.4, frames: 40, dt: None },
+            time: TimeSpec { duration: 0.4, frames: 40, dt: None, exact: false },
             gravity: Vector3::new(0.0, 0.0, -9.81),
             drag: Some(0.3),
             operations: actions
@@ -547,7 +550,7 @@ mod tests {
             proptest::prop_assume!(duration.is_finite());
             let scene = Scene {
                 lattice: LatticeSpec { model: Model::Paper, pitch: Some(pitch) },
-                time: TimeSpec { duration, frames: 1, dt: None },
+                time: TimeSpec { duration, frames: 1, dt: None, exact: false },
                 ..scene()
             };
             let text = serde_json::to_string(&scene).unwrap();

@@ -230,6 +230,11 @@ pub(super) struct Time {
     /// Time step [s], above 0. Default: chosen by the program so that the run is stable. Example: `dt = 1e-4`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) dt: Option<f64>,
+    /// Computes forces with true square roots and nothing fused: the same bits on every instruction set, but slower (see
+    /// `yawara bench effects`). Without it the last bits belong to the machine's instruction set; results are the same at any
+    /// number of threads either way. Default: false. Example: `exact = true`.
+    #[serde(default)]
+    pub(super) exact: bool,
 }
 
 /// Gravity.

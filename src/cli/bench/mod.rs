@@ -2,6 +2,7 @@
 
 mod care;
 mod carry;
+mod effects;
 mod lattice;
 mod render;
 mod surface;
@@ -13,6 +14,7 @@ use super::exit::Outcome;
 pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
     match command {
         BenchCommand::Lattice(arguments) => lattice::lattice(arguments),
+        BenchCommand::Effects(arguments) => effects::effects(arguments),
         BenchCommand::Surface(arguments) => surface::surface(arguments),
         BenchCommand::Care(arguments) => care::care(arguments),
         BenchCommand::Carry(arguments) => carry::carry(arguments),
