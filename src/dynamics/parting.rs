@@ -6,10 +6,14 @@
 use rayon::prelude::*;
 
 use super::world::World;
+use crate::kernel::dispatch::{InstructionSet, widest_cell_of_block};
 use crate::kernel::halo::{HALO_LEN, Halo, gather};
-use crate::kernel::parting::{fastest_spring, widest_cell};
+use crate::kernel::parting::fastest_spring;
 use crate::lattice::layout::{BLOCK_LEN, NO_BLOCK};
 use crate::lattice::neighbours::NEIGHBOURS;
+
+/// Places among the 27 blocks around of a block and those below it along one axis or more.
+const BELOW: [usize; 8] = [0, 1, 3, 4, 9, 10, 12, 13];
 
 /// Parting of the neighbours in each block of a world.
 pub(super) struct Parting {
@@ -19,6 +23,8 @@ pub(super) struct Parting {
     cut: Vec<bool>,
     /// Severed springs that `cut` knows of.
     severed: usize,
+    /// Corners of the cells whose lowest one is in the block part at most so fast [m/s].
+    cells: Vec<f64>,
     /// Neighbours of the block part at most so fast [m/s].
     speed: Vec<f64>,
     /// They may have parted by so much since the block was last forgotten [m].
@@ -32,7 +38,14 @@ impl Parting {
         for &slot in &world.layout.slot {
             present[slot as usize] = 1.0;
         }
-        Self { present, cut: vec![false; blocks], severed: 0, speed: vec![0.0; blocks], moved: vec![0.0; blocks] }
+        Self {
+            present,
+            cut: vec![false; blocks],
+            severed: 0,
+            cells: vec![0.0; blocks],
+            speed: vec![0.0; blocks],
+            moved: vec![0.0; blocks],
+        }
     }
 
     pub(super) fn blocks(&self) -> usize {
@@ -44,21 +57,34 @@ impl Parting {
     pub(super) fn stepped(&mut self, world: &World, short: f64) {
         self.notice_cuts(world);
         let dt = world.dt();
+        let set = world.arithmetic().set();
         let fastest: Vec<f64> = world.fastest_of_blocks().iter().map(|&squared| f64::from(squared).sqrt()).collect();
-        let Self { present, cut, speed, moved, .. } = self;
+        let Self { present, cut, cells, speed, moved, .. } = self;
         let (present, cut) = (&*present, &*cut);
+        // Twice the fastest of all blocks around: no two of their particles part faster.
+        let at_most = |block: usize| {
+            let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
+            2.0 * around.map(|&other| fastest[other as usize]).fold(0.0, f64::max)
+        };
+        cells.par_iter_mut().enumerate().with_min_len(4).for_each_init(Buffers::new, |buffers, (block, cells)| {
+            let at_most = at_most(block);
+            *cells = if at_most * dt <= short { at_most } else { buffers.widest_cell(set, world, present, block) };
+        });
+        let cells = &*cells;
         speed.par_iter_mut().zip(moved).enumerate().with_min_len(4).for_each_init(
             Buffers::new,
             |buffers, (block, to)| {
-                let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
-                let at_most = 2.0 * around.map(|&other| fastest[other as usize]).fold(0.0, f64::max);
                 let (speed, moved) = to;
+                let at_most = at_most(block);
                 *speed = if at_most * dt <= short {
                     at_most
                 } else if cut[block] {
                     buffers.fastest_spring(world, block)
                 } else {
-                    at_most.min(buffers.widest_cell(world, present, block))
+                    // Its own cells and those of the seven blocks below are all that touch it.
+                    let touching = BELOW.iter().map(|&place| world.layout.neighbours[block][place]);
+                    let widest = touching.filter(|&other| other != NO_BLOCK).map(|other| cells[other as usize]);
+                    at_most.min(widest.fold(0.0, f64::max))
                 };
                 *moved += *speed * dt;
             },
@@ -114,10 +140,10 @@ impl Buffers {
         }
     }
 
-    fn widest_cell(&mut self, world: &World, present: &[f32], block: usize) -> f64 {
+    fn widest_cell(&mut self, set: InstructionSet, world: &World, present: &[f32], block: usize) -> f64 {
         self.gather_velocity(world, block);
         gather(present, &world.layout.neighbours[block], &mut self.present);
-        f64::from(widest_cell(self.velocity.each_ref(), &self.present)).sqrt()
+        f64::from(widest_cell_of_block(set, self.velocity.each_ref(), &self.present)).sqrt()
     }
 
     fn fastest_spring(&mut self, world: &World, block: usize) -> f64 {

@@ -28,8 +28,10 @@ use crate::material::{Assembly, RigidKind, SpringConstants};
 /// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
 pub(super) const LONGEST_MOVE: f64 = 2.0;
 
-/// Neighbouring blocks that one thread steps in a row, so that it can ask for the next one's state meanwhile.
-const BLOCKS_PER_TASK: usize = 8;
+/// At most so many neighbouring blocks are stepped in a row by one thread, which asks for the next one's state meanwhile.
+const MOST_BLOCKS_PER_TASK: usize = 8;
+/// Every thread gets at least so many tasks, if there are enough blocks, so that threads end together.
+const TASKS_PER_THREAD: usize = 8;
 /// Fields of that state: displacement, old and new velocity, weight.
 const MOST_AHEAD: usize = 10;
 
@@ -468,14 +470,16 @@ impl World {
         } else {
             (old_velocity, velocity.each_mut())
         };
-        const GROUP: usize = BLOCKS_PER_TASK * BLOCK_LEN;
-        let groups = (x.par_chunks_mut(GROUP), y.par_chunks_mut(GROUP), z.par_chunks_mut(GROUP));
-        let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(BLOCKS_PER_TASK));
+        let tasks = TASKS_PER_THREAD * rayon::current_num_threads();
+        let in_task = (layout.blocks.len() / tasks).clamp(1, MOST_BLOCKS_PER_TASK);
+        let size = in_task * BLOCK_LEN;
+        let groups = (x.par_chunks_mut(size), y.par_chunks_mut(size), z.par_chunks_mut(size));
+        let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(in_task));
         groups.enumerate().for_each(|(group, ((x, y, z), fastest))| {
             let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch } = &mut *workers.own();
             let mut rest = [x, y, z];
             for (place, fastest) in fastest.iter_mut().enumerate() {
-                let block = group * BLOCKS_PER_TASK + place;
+                let block = group * in_task + place;
                 let mut out = rest.each_mut().map(|rest| {
                     let (own, after) = std::mem::take(rest).split_at_mut(BLOCK_LEN);
                     *rest = after;

@@ -10,6 +10,7 @@ use multiversion::multiversion;
 use super::block::{BlockState, StepConstants, Work, kick_block};
 use super::halo::Halo;
 use super::laws::{Living, SpringConstant};
+use super::parting::widest_cell;
 use super::rows::LANES;
 use super::simd::Vector;
 use super::simd::plain::Plain;
@@ -220,6 +221,35 @@ fn chains<V: Vector>(steps: usize) -> usize {
         black_box(&out);
     }
     steps * CHAINS * V::LANES
+}
+
+/// [`widest_cell`] of a block. Same bits on every instruction set.
+///
+/// # Panics
+/// If the machine does not have the instruction set.
+pub fn widest_cell_of_block(set: InstructionSet, velocity: [&Halo; 3], present: &Halo) -> f32 {
+    assert!(set.available(), "this machine has no {}", set.name());
+    match set {
+        // SAFETY: asked for above.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => unsafe { widest_cell_avx512(velocity, present) },
+        // SAFETY: the same.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => unsafe { widest_cell_avx2(velocity, present) },
+        _ => widest_cell::<Plain>(velocity, present),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
+fn widest_cell_avx512(velocity: [&Halo; 3], present: &Halo) -> f32 {
+    widest_cell::<Avx512>(velocity, present)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn widest_cell_avx2(velocity: [&Halo; 3], present: &Halo) -> f32 {
+    widest_cell::<Avx2>(velocity, present)
 }
 
 /// [`block_volume_forces`] on the best instruction set of this machine. Same bits on all of them.

@@ -4,83 +4,75 @@ use multiversion::multiversion;
 
 use super::halo::{Halo, halo_row};
 use super::rows::{LANES, Lanes, column_of, row_of, row_of_block, rows_around};
+use super::simd::Vector;
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
 
-/// Cells along a row that touch a block.
-const CELLS: usize = LANES + 1;
 /// Beyond every velocity that means anything, and its square is still a number [m/s].
 const BEYOND: f32 = 1e18;
 
-/// Smallest and largest value of each component: `[component][smallest, largest][lane]`.
-type Ranges = [[[f32; CELLS]; 2]; 3];
+/// Smallest and largest value of each component: `[component][smallest, largest]`.
+type Ranges<V> = [[V; 2]; 3];
 
-/// The largest squared difference of velocities within any cell that touches the block [m^2/s^2]. No spring of the block's
-/// particles parts faster, and at most a few times slower than it says.
+/// The largest squared difference of velocities within any cell whose lowest corner is in the block [m^2/s^2].
+///
+/// The cells that touch a block are its own and those of the seven blocks below: no spring of a block's particles parts faster
+/// than the largest of these eight says, and at most a few times slower.
 ///
 /// - `velocity` x, y, z with halo [m/s]; `present`: 1 where a particle counts, else 0.
 ///
-/// Exact in f32 up to the rounding of the squares; same bits on every instruction set.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
-pub fn widest_cell(velocity: [&Halo; 3], present: &Halo) -> f32 {
-    let mut below = [[[[0.0; CELLS]; 2]; 3]; BLOCK[1] + 1];
-    let mut widest = [0.0_f32; CELLS];
-    for z in -1..=BLOCK[2] as isize {
-        let mut before = along_x(velocity, present, halo_row(-1, z));
-        for (y, below) in (0..).zip(&mut below) {
-            let row = along_x(velocity, present, halo_row(y, z));
-            let face = joined(&before, &row);
-            if z >= 0 {
-                let cell = joined(&face, below);
-                for lane in 0..CELLS {
-                    let mut squared = 0.0_f32;
-                    for [low, high] in &cell {
+/// Exact in f32 up to the rounding of the squares.
+#[inline(always)]
+pub(super) fn widest_cell<V: Vector>(velocity: [&Halo; 3], present: &Halo) -> f32 {
+    let mut widest = V::splat(0.0);
+    for at in (0..LANES).step_by(V::LANES) {
+        let mut below = [[[V::splat(0.0); 2]; 3]; BLOCK[1]];
+        for z in 0..=BLOCK[2] as isize {
+            let mut before = along_x::<V>(velocity, present, halo_row(0, z) + 1 + at);
+            for (y, below) in (1..).zip(&mut below) {
+                let row = along_x::<V>(velocity, present, halo_row(y, z) + 1 + at);
+                let face = joined(before, row);
+                if z > 0 {
+                    let mut squared = V::splat(0.0);
+                    for [low, high] in joined(face, *below) {
                         // Empty cells have it the wrong way round.
-                        let width = larger(high[lane] - low[lane], 0.0);
-                        squared += width * width;
+                        let width = (high - low).max(V::splat(0.0));
+                        squared = squared + width * width;
                     }
-                    widest[lane] = larger(widest[lane], squared);
+                    widest = squared.max(widest);
                 }
+                *below = face;
+                before = row;
             }
-            *below = face;
-            before = row;
         }
     }
-    widest.into_iter().fold(0.0, larger)
+    let mut lanes = [0.0; LANES];
+    widest.store(&mut lanes, 0);
+    lanes.into_iter().fold(0.0, larger)
 }
 
-/// Ranges over each two neighbours of a halo row.
+/// Ranges over each two neighbours of a halo row, from `start` on.
 #[inline(always)]
-fn along_x(velocity: [&Halo; 3], present: &Halo, start: usize) -> Ranges {
-    velocity.map(|halo| {
-        let mut range = [[0.0; CELLS]; 2];
-        for lane in 0..CELLS {
-            let [a, b] = [start + lane, start + lane + 1];
-            let [away_a, away_b] = [a, b].map(|place| (1.0 - present[place]) * BEYOND);
-            range[0][lane] = smaller(halo[a] + away_a, halo[b] + away_b);
-            range[1][lane] = larger(halo[a] - away_a, halo[b] - away_b);
-        }
-        range
-    })
+fn along_x<V: Vector>(velocity: [&Halo; 3], present: &Halo, start: usize) -> Ranges<V> {
+    let beyond = V::splat(BEYOND);
+    let [away, away_next] = [start, start + 1].map(|place| beyond - V::load(present, place) * beyond);
+    let mut ranges = [[beyond; 2]; 3];
+    for (range, halo) in ranges.iter_mut().zip(velocity) {
+        let (own, next) = (V::load(halo, start), V::load(halo, start + 1));
+        *range = [(own + away).min(next + away_next), (own - away).max(next - away_next)];
+    }
+    ranges
 }
 
 #[inline(always)]
-fn joined(a: &Ranges, b: &Ranges) -> Ranges {
-    let mut out = *a;
+fn joined<V: Vector>(a: Ranges<V>, b: Ranges<V>) -> Ranges<V> {
+    let mut out = a;
     for component in 0..3 {
-        for lane in 0..CELLS {
-            out[component][0][lane] = smaller(a[component][0][lane], b[component][0][lane]);
-            out[component][1][lane] = larger(a[component][1][lane], b[component][1][lane]);
-        }
+        out[component] = [a[component][0].min(b[component][0]), a[component][1].max(b[component][1])];
     }
     out
 }
 
-/// One instruction, unlike [`f32::min`], which has NaN to care for.
-#[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
+/// One instruction, unlike [`f32::max`], which has NaN to care for.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -120,6 +112,7 @@ pub fn fastest_spring(velocity: [&Halo; 3], alive: &[u32; BLOCK_LEN]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::dispatch::{InstructionSet, widest_cell_of_block};
     use crate::kernel::halo::HALO_LEN;
     use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS};
 
@@ -138,9 +131,9 @@ mod tests {
             let mut alive = [0_u32; BLOCK_LEN];
             let [mut widest, mut fastest] = [0.0_f32; 2];
             let dims = BLOCK.map(|n| n as isize);
-            for z in -1..dims[2] {
-                for y in -1..dims[1] {
-                    for x in -1..dims[0] {
+            for z in 0..dims[2] {
+                for y in 0..dims[1] {
+                    for x in 0..dims[0] {
                         let corners = (0..8).map(|c| at([x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)]));
                         let corners: Vec<usize> = corners.filter(|&place| present[place] > 0.0).collect();
                         let width = |values: &Halo| {
@@ -148,7 +141,7 @@ mod tests {
                             (all().fold(f32::MIN, f32::max) - all().fold(f32::MAX, f32::min)).max(0.0)
                         };
                         widest = widest.max(velocity.iter().map(|values| width(values).powi(2)).sum());
-                        if x < 0 || y < 0 || z < 0 || present[at([x, y, z])] == 0.0 {
+                        if present[at([x, y, z])] == 0.0 {
                             continue;
                         }
                         for d in 0..NEIGHBOURS {
@@ -164,10 +157,13 @@ mod tests {
                 }
             }
             let velocity = velocity.each_ref();
-            assert_eq!(widest_cell(velocity, &present), widest);
+            for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
+                assert_eq!(widest_cell_of_block(set, velocity, &present), widest);
+            }
             assert_eq!(fastest_spring(velocity, &alive), fastest);
             assert!(0.0 < fastest && fastest < widest && widest < 3.0);
         }
-        assert_eq!(widest_cell([&[1.0; HALO_LEN]; 3], &[0.0; HALO_LEN]), 0.0);
+        let best = InstructionSet::best();
+        assert_eq!(widest_cell_of_block(best, [&[1.0; HALO_LEN]; 3], &[0.0; HALO_LEN]), 0.0);
     }
 }

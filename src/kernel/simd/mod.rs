@@ -35,6 +35,8 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     fn negative_mul_add(self, factor: Self, term: Self) -> Self;
     /// The larger of two; `other` where one is not a number.
     fn max(self, other: Self) -> Self;
+    /// The smaller of two; `other` where one is not a number.
+    fn min(self, other: Self) -> Self;
     /// Square root, correctly rounded.
     fn sqrt(self) -> Self;
     /// `1 / sqrt(self)` within 2e-7 of its size, for positive numbers; always the same for the same number.
@@ -117,6 +119,7 @@ mod tests {
                 get(va / vb),
                 get(va.sqrt()),
                 get(va.max(vb)),
+                get(va.min(vb)),
                 get(va.mul_add(vb, vc)),
                 get(va.negative_mul_add(vb, vc)),
                 get(va.where_positive(vb) + va.where_positive(minus)),
@@ -128,7 +131,8 @@ mod tests {
                 let (product_sum, difference) =
                     if fused { (a.mul_add(b, c), (-a).mul_add(b, c)) } else { (a * b + c, c - a * b) };
                 let kept = if words[lane] >> 3 & 1 == 1 { a } else { 0.0 };
-                let expected = [a + b, a - b, a * b, a / b, a.sqrt(), a.max(b), product_sum, difference, a, kept];
+                let expected =
+                    [a + b, a - b, a * b, a / b, a.sqrt(), a.max(b), a.min(b), product_sum, difference, a, kept];
                 assert_eq!(results.map(|result| result[lane + 1].to_bits()), expected.map(f32::to_bits));
                 let off = |found: f32, exact: f64| (f64::from(found) / exact - 1.0).abs();
                 assert!(off(inverse_sqrt[lane + 1], 1.0 / f64::from(a).sqrt()) < 2e-7, "{a:e}");
