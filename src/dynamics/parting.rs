@@ -19,9 +19,10 @@ const BELOW: [usize; 8] = [0, 1, 3, 4, 9, 10, 12, 13];
 pub(super) struct Parting {
     /// 1 where a particle is, else 0.
     present: Vec<f32>,
-    /// A spring of the block has been severed: its cells hold particles that may part as they like.
-    cut: Vec<bool>,
-    /// Severed springs that `cut` knows of.
+    /// Cells do not tell how fast the block's neighbours part: a spring has been severed, so that some hold particles that part
+    /// as they like, or a cell has its lowest corner where there is no block.
+    by_springs: Vec<bool>,
+    /// Severed springs that `by_springs` knows of.
     severed: usize,
     /// Corners of the cells whose lowest one is in the block part at most so fast [m/s].
     cells: Vec<f64>,
@@ -38,9 +39,10 @@ impl Parting {
         for &slot in &world.layout.slot {
             present[slot as usize] = 1.0;
         }
+        let by_springs = world.layout.neighbours.iter().map(has_lost_cells).collect();
         Self {
             present,
-            cut: vec![false; blocks],
+            by_springs,
             severed: 0,
             cells: vec![0.0; blocks],
             speed: vec![0.0; blocks],
@@ -59,8 +61,8 @@ impl Parting {
         let dt = world.dt();
         let set = world.arithmetic().set();
         let fastest: Vec<f64> = world.fastest_of_blocks().iter().map(|&squared| f64::from(squared).sqrt()).collect();
-        let Self { present, cut, cells, speed, moved, .. } = self;
-        let (present, cut) = (&*present, &*cut);
+        let Self { present, by_springs, cells, speed, moved, .. } = self;
+        let (present, by_springs) = (&*present, &*by_springs);
         // Twice the fastest of all blocks around: no two of their particles part faster.
         let at_most = |block: usize| {
             let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
@@ -78,7 +80,7 @@ impl Parting {
                 let at_most = at_most(block);
                 *speed = if at_most * dt <= short {
                     at_most
-                } else if cut[block] {
+                } else if by_springs[block] {
                     buffers.fastest_spring(world, block)
                 } else {
                     // Its own cells and those of the seven blocks below are all that touch it.
@@ -116,12 +118,23 @@ impl Parting {
                 // The corners of the spring's cells are neighbours of its ends.
                 let around = (0..NEIGHBOURS).filter_map(|direction| lattice.neighbour(end, direction));
                 for corner in around.chain([end]) {
-                    self.cut[world.layout.slot[corner as usize] as usize / BLOCK_LEN] = true;
+                    self.by_springs[world.layout.slot[corner as usize] as usize / BLOCK_LEN] = true;
                 }
             }
         }
         self.severed = severed.len();
     }
+}
+
+/// Whether a spring can join the block to one at another edge while the lowest corner of their only common cell lies in a block
+/// that does not exist.
+fn has_lost_cells(neighbours: &[u32; 27]) -> bool {
+    (0..27).filter(|&place| neighbours[place] != NO_BLOCK).any(|place| {
+        // Of the two blocks the lower along each axis.
+        let lowest: usize =
+            [place % 3, place / 3 % 3, place / 9].iter().zip([1, 3, 9]).map(|(&at, s)| at.min(1) * s).sum();
+        neighbours[lowest] == NO_BLOCK
+    })
 }
 
 struct Buffers {
