@@ -164,3 +164,36 @@ impl Buffers {
         f64::from(fastest_spring(self.velocity.each_ref(), world.living_springs(block))).sqrt()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Affine, Grid, GridShape, Vector3};
+    use crate::lattice::build::{NO_ORGAN, build};
+    use crate::material::paper::{PaperBody, assemble};
+    use crate::volume::Volume;
+
+    /// Two particles that meet at the edge of their blocks; the lowest corner of their cell lies where there is no block.
+    #[test]
+    fn a_spring_over_the_edge_of_two_blocks_is_seen() {
+        let shape = GridShape::new(41, 17, 1);
+        let grid = Grid { shape, affine: Affine::from_spacing([1.0; 3], [0.0; 3]).unwrap() };
+        // The first and the last make the blocks begin at the grid's own corner.
+        let there = [[40, 0, 0], [16, 7, 0], [15, 8, 0], [0, 16, 0]];
+        let organs = (0..shape.len()).map(|l| if there.contains(&shape.ijk(l)) { 0 } else { NO_ORGAN }).collect();
+        let lattice = build(&Volume::from_vec(grid, organs)).unwrap();
+        let assembly = assemble(&lattice, &[Some(PaperBody { stiffness: 1e-9, damping: 0.0, mass: 1.0 })]);
+        let mut world = World::new(lattice, assembly, 0.01);
+        assert_eq!(world.layout.blocks.len(), 4);
+        world.set_velocity(1, Vector3::new(0.0, 3e-3, 0.0));
+        world.set_velocity(2, Vector3::new(0.0, -4e-3, 0.0));
+        let mut parting = Parting::new(&world);
+        world.step().unwrap();
+        parting.stepped(&world, 0.0);
+        let block = |particle: usize| world.layout.slot[particle] as usize / BLOCK_LEN;
+        for particle in [1, 2] {
+            assert!((parting.moved(block(particle)) / (7e-3 * 0.01) - 1.0).abs() < 1e-5);
+        }
+        assert_eq!(parting.moved(block(0)), 0.0);
+    }
+}

@@ -256,7 +256,7 @@ pub(super) fn add_tangents(root: [&Halo; 3], cells: &FibreTangents, y: usize, z:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::dispatch::instruction_set;
+    use crate::kernel::dispatch::InstructionSet;
     use crate::kernel::volume::{EachCell, SameCells};
 
     fn random(seed: u32, low: f32, high: f32) -> Halo {
@@ -298,7 +298,7 @@ mod tests {
                 }
                 force.map(|axis| axis.map(f32::to_bits))
             };
-            assert!(run(true) == run(false), "{} on {}", stringify!($modulus, $viscosity, $fibres), instruction_set());
+            assert!(run(true) == run(false), "{} on {}", stringify!($modulus, $viscosity, $fibres), InstructionSet::best().name());
             assert!(run(true).iter().flatten().all(|&bits| f32::from_bits(bits).is_finite()));
             assert!(run(true).iter().flatten().any(|&bits| f32::from_bits(bits) != 0.0));
             compared += 1;

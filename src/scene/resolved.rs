@@ -528,9 +528,9 @@ mod tests {
         assert_eq!(region["any"][0]["sphere"]["center_mm"][0], 0.1 + 0.2);
         assert_eq!(value["operations"][3]["action"]["cut"]["path_mm"][0][0], 1.0);
         let tool = |operation: usize| &value["operations"][operation]["action"]["tool"];
-        assert_eq!(tool(4)["shape"]["sphere"]["radius_mm"], 0.1 + 0.2);
-        assert_eq!((&tool(5)["arrive_s"], &tool(5)["path_mm"][1][0]), (&0.1.into(), &1.0.into()));
-        assert_eq!(value["operations"][8]["action"]["plane"]["point_mm"][1], 0.1);
+        assert_eq!(tool(6)["shape"]["sphere"]["radius_mm"], 0.1 + 0.2);
+        assert_eq!((&tool(7)["arrive_s"], &tool(7)["path_mm"][1][0]), (&0.1.into(), &1.0.into()));
+        assert_eq!(value["operations"][10]["action"]["plane"]["point_mm"][1], 0.1);
     }
 
     /// Runs written while a density was always a number.
