@@ -24,7 +24,7 @@
 //! | [`material`] | Young's modulus and density, or the paper's constants, to masses and springs |
 //! | [`cut`] | a blade's sweep to the springs it crosses |
 //! | [`kernel`] | the hot loop: plain reference, fast body, instruction sets |
-//! | [`dynamics`] | the moving world: step, stable step, rigid bodies, time line, energy and volume |
+//! | [`dynamics`] | the moving world: step, stable step, rigid bodies, contact, time line, energy and volume |
 //! | [`scene`] | TOML to a checked description in SI units |
 //! | [`store`] | the run directory |
 //! | [`surface`] | cut-aware marching cubes, carrying, checking |

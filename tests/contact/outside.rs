@@ -138,6 +138,6 @@ fn contact_without_friction_gives_no_energy() {
             touched += usize::from(world.tool_force(table).norm() > 0.0);
         }
         println!("{number}: {:.2e} of the fall at most, {touched} steps with contact", highest / scale);
-        assert!(touched > 100 && highest < 0.02 * scale, "{number}: {highest:e} of {scale:e}, {touched}");
+        assert!(touched > 100 && highest < 1e-4 * scale, "{number}: {highest:e} of {scale:e}, {touched}");
     }
 }

@@ -25,7 +25,7 @@
 //! A hold of any of its particles stops the whole body. A grab of any moves the whole body along without turning; of two
 //! grabs the later one moves it; a hold wins over both. Forces act where they are applied, torque included.
 //!
-//! Bodies do not feel each other but through soft tissue: there is no contact.
+//! Bodies do not feel each other but through soft tissue, and feel no obstacle ([`super::effects::contact`]).
 
 mod body;
 

@@ -13,9 +13,12 @@
 //! lie inside an obstacle gets the least change of velocity that ends it on the surface instead, where the obstacle will be
 //! by then: an inelastic impact. The tangential velocity relative to the obstacle shrinks by at most the coefficient of
 //! friction times the normal change, and never turns round: Bridson, Fedkiw and Anderson, "Robust treatment of collisions,
-//! contact and friction for cloth animation", SIGGRAPH 2002, section 7.3 (friction), after Coulomb. So a particle that is
-//! outside before a step is outside after it, no stiffness of contact has to be chosen, and the stable step stays what
-//! it was.
+//! contact and friction for cloth animation", SIGGRAPH 2002, after Coulomb. So a particle that is outside before a step is
+//! outside after it, no stiffness of contact has to be chosen, and the stable step stays what it was. Only where
+//! obstacles close in on each other with tissue between is there no such place, and the last one added wins.
+//!
+//! On a curved surface the push follows the normal where the particle ends and not where it met the surface, so contact
+//! without friction may give energy in the fourth order of the way per step over the radius; on planes it never does.
 //!
 //! A particle that is inside already, because a tool appeared in tissue or a hold ended there, is led out at
 //! [`PUSH_OUT_SPEED`] and not shot out.

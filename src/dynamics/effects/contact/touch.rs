@@ -57,6 +57,9 @@ impl Contact {
     fn touch(&mut self, world: &mut World, fastest: &mut [f32]) {
         let (dt, pitch) = (world.dt(), world.lattice.pitch);
         let Self { obstacles, soft, looks } = self;
+        if obstacles.iter().all(|obstacle| !obstacle.present) {
+            return;
+        }
         let near = near_blocks(obstacles, fastest, dt);
         let velocity = world.velocity.each_mut().map(|part| part.chunks_exact_mut(BLOCK_LEN));
         let [x, y, z] = velocity;
