@@ -139,6 +139,7 @@ impl BlockSprings {
         let BlockInput { scratch, cells, dt_over_mass, ahead } = input;
         let Scratch { displacement, velocity, stiffness: stiffness_halo, damping: damping_halo, alive, work } = scratch;
         let state = BlockState {
+            step,
             displacement: displacement.each_ref(),
             velocity: velocity.each_ref(),
             known_force: cells,
@@ -152,7 +153,7 @@ impl BlockSprings {
         let bits = HaloBits { alive };
         macro_rules! kick_with {
             ($stiffness:expr, $damping:expr, $alive:expr) => {
-                kick(arithmetic, step, $stiffness, $damping, $alive, state, work, velocity_out)
+                kick(arithmetic, $stiffness, $damping, $alive, state, work, velocity_out)
             };
         }
         match (&self.law, self.kind[block]) {

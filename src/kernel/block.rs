@@ -18,6 +18,8 @@ use crate::lattice::neighbours::{OFFSETS, direction_of, family};
 /// What a block is stepped from.
 #[derive(Clone, Copy)]
 pub struct BlockState<'a> {
+    /// The numbers of the step.
+    pub step: StepConstants,
     /// Displacement x, y, z with halo [m].
     pub displacement: [&'a Halo; 3],
     /// Velocity x, y, z with halo [m/s]; read only with a damper.
@@ -137,7 +139,6 @@ macro_rules! for_rows_ahead {
 /// - Returns the largest squared speed of the block [m^2/s^2], infinite when any velocity is not finite.
 #[inline(always)]
 pub fn kick_block<V: Vector, const EXACT: bool, K: SpringConstant, C: SpringConstant, A: Living>(
-    step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
@@ -145,6 +146,7 @@ pub fn kick_block<V: Vector, const EXACT: bool, K: SpringConstant, C: SpringCons
     work: &mut Work,
     mut velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
+    let step = state.step;
     let springs = Springs::<V, K, C> {
         pitch: V::splat(step.pitch),
         rest: rests(&step),

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use multiversion::multiversion;
 
-use super::block::{BlockState, StepConstants, Work, kick_block};
+use super::block::{BlockState, Work, kick_block};
 use super::halo::Halo;
 use super::laws::{Living, SpringConstant};
 use super::parting::widest_cell;
@@ -56,7 +56,7 @@ impl InstructionSet {
         static BEST: OnceLock<InstructionSet> = OnceLock::new();
         *BEST.get_or_init(|| {
             let asked = std::env::var("YAWARA_INSTRUCTION_SET").ok().and_then(|name| name.parse().ok());
-            let fastest = Self::ALL.into_iter().rfind(|set| set.available()).expect("every machine has the baseline");
+            let fastest = Self::ALL.into_iter().rfind(|set| set.available()).unwrap_or(Self::Baseline);
             asked.filter(|set: &Self| set.available()).unwrap_or(fastest)
         })
     }
@@ -120,7 +120,6 @@ impl Arithmetic {
 /// [`kick_block`] as `arithmetic` says.
 pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
     arithmetic: Arithmetic,
-    step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
@@ -132,12 +131,12 @@ pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
     match set {
         // SAFETY: an `Arithmetic` is only made with an instruction set that the machine has.
         #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx512 => unsafe { kick_avx512(exact, step, stiffness, damping, alive, state, work, velocity) },
+        InstructionSet::Avx512 => unsafe { kick_avx512(exact, stiffness, damping, alive, state, work, velocity) },
         // SAFETY: the same.
         #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx2 => unsafe { kick_avx2(exact, step, stiffness, damping, alive, state, work, velocity) },
-        _ if exact => kick_block::<Plain, true, K, C, A>(step, stiffness, damping, alive, state, work, velocity),
-        _ => kick_block::<Plain, false, K, C, A>(step, stiffness, damping, alive, state, work, velocity),
+        InstructionSet::Avx2 => unsafe { kick_avx2(exact, stiffness, damping, alive, state, work, velocity) },
+        _ if exact => kick_block::<Plain, true, K, C, A>(stiffness, damping, alive, state, work, velocity),
+        _ => kick_block::<Plain, false, K, C, A>(stiffness, damping, alive, state, work, velocity),
     }
 }
 
@@ -145,7 +144,6 @@ pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
 #[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
 fn kick_avx512<K: SpringConstant, C: SpringConstant, A: Living>(
     exact: bool,
-    step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
@@ -154,9 +152,9 @@ fn kick_avx512<K: SpringConstant, C: SpringConstant, A: Living>(
     velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
     if exact {
-        kick_block::<Avx512, true, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+        kick_block::<Avx512, true, K, C, A>(stiffness, damping, alive, state, work, velocity)
     } else {
-        kick_block::<Avx512, false, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+        kick_block::<Avx512, false, K, C, A>(stiffness, damping, alive, state, work, velocity)
     }
 }
 
@@ -164,7 +162,6 @@ fn kick_avx512<K: SpringConstant, C: SpringConstant, A: Living>(
 #[target_feature(enable = "avx2,fma")]
 fn kick_avx2<K: SpringConstant, C: SpringConstant, A: Living>(
     exact: bool,
-    step: StepConstants,
     stiffness: K,
     damping: C,
     alive: A,
@@ -173,9 +170,9 @@ fn kick_avx2<K: SpringConstant, C: SpringConstant, A: Living>(
     velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
     if exact {
-        kick_block::<Avx2, true, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+        kick_block::<Avx2, true, K, C, A>(stiffness, damping, alive, state, work, velocity)
     } else {
-        kick_block::<Avx2, false, K, C, A>(step, stiffness, damping, alive, state, work, velocity)
+        kick_block::<Avx2, false, K, C, A>(stiffness, damping, alive, state, work, velocity)
     }
 }
 
@@ -269,6 +266,7 @@ pub fn volume_forces<M: CellConstant, V: CellConstant>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::block::StepConstants;
     use crate::kernel::halo::{HALO_LEN, HALO_ROW, Halo};
     use crate::kernel::laws::{Absent, HaloBits, Intact, MeanOfEnds, SumOfCells, Uniform};
     use crate::kernel::volume::{EachCell, SameCells};
@@ -299,6 +297,7 @@ mod tests {
         let mut compared = 0;
         macro_rules! compare { ($($stiffness:expr, $damping:expr, $alive:expr, $known:expr;)*) => { $(
             let state = BlockState {
+                step,
                 displacement: displacement.each_ref(),
                 velocity: velocity.each_ref(),
                 known_force: $known,
@@ -307,7 +306,7 @@ mod tests {
             };
             let run = |set, exact| {
                 let mut out = [[0.25_f32; BLOCK_LEN]; 3];
-                let fastest = kick(Arithmetic::new(set, exact), step, $stiffness, $damping, $alive, state, &mut Work::default(), out.each_mut());
+                let fastest = kick(Arithmetic::new(set, exact), $stiffness, $damping, $alive, state, &mut Work::default(), out.each_mut());
                 (fastest, out)
             };
             let (fastest, expected) = run(InstructionSet::Baseline, true);
@@ -360,6 +359,7 @@ mod tests {
                 let run = |displacement: [&Halo; 3], start: f32| {
                     let mut out = [[start; BLOCK_LEN]; 3];
                     let state = BlockState {
+                        step,
                         displacement,
                         velocity: displacement,
                         known_force: None,
@@ -370,7 +370,7 @@ mod tests {
                     let arithmetic = Arithmetic::new(set, exact);
                     let stiffness = Uniform { by_family: [1e6, 2e6, 3e6] };
                     let fastest =
-                        kick(arithmetic, step, stiffness, damper, Intact, state, &mut Work::default(), out.each_mut());
+                        kick(arithmetic, stiffness, damper, Intact, state, &mut Work::default(), out.each_mut());
                     (fastest, out)
                 };
                 let moved = [[0.123; HALO_LEN], [-4.5; HALO_LEN], [67.8; HALO_LEN]];

@@ -37,7 +37,7 @@ fn simulate(scene: &Scene, observer: &mut impl Observer) -> World {
     let prepared = prepare(scene, &inputs).unwrap();
     let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools).unwrap();
     let schedule = prepared.schedule;
-    let mut world = prepared.into_world(scene.gravity);
+    let mut world = prepared.into_world(scene);
     assert!(drive(&mut world, &mut timeline, &schedule, observer).is_ok());
     world
 }

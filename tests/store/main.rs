@@ -31,7 +31,7 @@ fn lattice(dims: [usize; 3]) -> Lattice {
         points,
         particle_at,
         organ,
-        springs,
+        springs: std::sync::Arc::new(springs),
         cell_organ: Vec::new(),
         cell_fill: Vec::new(),
     };

@@ -1,5 +1,7 @@
 //! Cuts with a shape: planes, half planes, discs, crossings, and the smallest bodies there are.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use yawara::geometry::{Affine, Grid, GridShape, Vector3};
 use yawara::lattice::Topology;
@@ -230,8 +232,8 @@ fn springs_that_never_were_part_the_surface() {
             if let Some(other) = lattice.neighbour(particle, direction)
                 && left(particle, &lattice) != left(other, &lattice)
             {
-                lattice.springs[particle as usize] &= !(1 << direction);
-                lattice.springs[other as usize] &= !(1 << opposite(direction));
+                Arc::make_mut(&mut lattice.springs)[particle as usize] &= !(1 << direction);
+                Arc::make_mut(&mut lattice.springs)[other as usize] &= !(1 << opposite(direction));
             }
         }
     }

@@ -23,7 +23,7 @@ pub(crate) fn lattice_on(grid: Grid, mask: impl Fn([usize; 3]) -> bool) -> Latti
             points.push(point as u32);
         }
     }
-    let springs = points
+    let springs: Vec<u32> = points
         .iter()
         .map(|&point| {
             let linked = |d: &usize| {

@@ -62,7 +62,7 @@ pub(super) fn of_scene(path: &Path, law: BenchLaw) -> anyhow::Result<Body> {
             _ => organ_at(lattice.grid.shape.ijk(linear), law),
         })
         .collect();
-    body(build(&Volume::from_vec(lattice.grid.clone(), organs))?, law)
+    body(build(&Volume::from_vec(lattice.grid, organs))?, law)
 }
 
 fn organ_at([_, _, k]: [usize; 3], law: BenchLaw) -> u8 {
