@@ -142,7 +142,7 @@ fn block(turn: Matrix3, shape: GridShape) -> Lattice {
         let alive = |direction: &usize| shape.neighbour(shape.ijk(at), OFFSETS[*direction]).is_some();
         (0..NEIGHBOURS).filter(alive).fold(0, |bits, direction| bits | 1 << direction)
     });
-    let springs = springs.collect();
+    let springs: Vec<u32> = springs.collect();
     let points: Vec<u32> = (0..shape.len() as u32).collect();
     let (cell_organ, cell_fill) = (Vec::new(), Vec::new());
     let organ = vec![0; shape.len()];

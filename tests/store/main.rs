@@ -37,7 +37,7 @@ fn lattice(dims: [usize; 3]) -> Lattice {
     };
     for particle in 0..lattice.len() as u32 {
         let bits = (0..NEIGHBOURS).filter(|&d| lattice.neighbour(particle, d).is_some()).map(|d| 1 << d).sum();
-        lattice.springs[particle as usize] = bits;
+        std::sync::Arc::make_mut(&mut lattice.springs)[particle as usize] = bits;
     }
     lattice
 }
