@@ -122,7 +122,32 @@ fn benches_print_one_object() {
     folder.yawara(&["bench", "surface", "--n", "5", "--raw", "five.raw"]).done().prints(&["0 triangles"]);
     let short = folder.yawara(&["bench", "surface", "--n", "6", "--raw", "five.raw"]);
     short.refused(&["five.raw", "500 bytes", "864", "--n"]);
-    folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3"]).done().prints(&["12^3 particles, 3 steps"]);
+    let everything = ["bench", "lattice", "--n", "12", "--steps", "3", "--law", "everything", "--exact"];
+    folder.yawara(&everything).done().prints(&["1728 particles, law everything, 3 steps", "exact", "GB/s"]);
+    folder.yawara(&["bench", "lattice", "--n", "1"]).refused(&["--n is 1", "2 to 800"]);
+    let effects =
+        folder.yawara(&["bench", "effects", "--n", "6", "--rounds", "1", "-o", "prices", "--json"]).done().json();
+    let rows = effects["effects"].as_array().unwrap();
+    assert!(rows.len() > 15 && rows.iter().all(|row| row["step_ms"].as_f64() > Some(0.0)), "{effects}");
+    // What a scene does not name is not kept: each effect alone needs less than all of them.
+    let bytes = |name: &str| {
+        rows.iter().find(|row| row["effect"] == name).and_then(|row| row["bytes_per_particle"].as_f64()).unwrap()
+    };
+    let bare = bytes("springs (bare)");
+    assert!(
+        ["gravity", "drag", "pull", "pressure", "nothing (noise)"].iter().all(|name| bytes(name) == bare),
+        "{effects}"
+    );
+    assert!(["dampers", "volume term", "fibres", "tool"].iter().all(|name| bytes(name) > bare), "{effects}");
+    assert!(folder.read("prices/effects.csv").starts_with(b"effect,step_ms,"));
+    assert!(!folder.read("prices/effects.png").is_empty());
+    // Another program that does the same work: this one.
+    let same = folder
+        .shell("$Y bench lattice --n 12 --steps 3 --pairs 2 --against \"$Y bench lattice --n 12 --steps 3 --json\"");
+    same.done().prints(&["times as fast as yawara", "2 pairs"]);
+    let other =
+        folder.shell("$Y bench lattice --n 12 --steps 3 --against \"$Y bench lattice --n 12 --steps 9 --json\"");
+    other.refused(&["did other work", "same n and steps"]);
     folder.yawara(&["bench", "surface", "--n", "40"]).done().prints(&["40^3 values", "triangles"]);
 }
 

@@ -93,7 +93,7 @@ fn what_is_put_near_is_noticed() {
 fn contact_costs_by_what_it_touches() {
     // 62 x 42 x 42 grid points with their margin: 4 x 6 x 6 blocks of memory.
     let start = world(tissue_lattice(&block([60, 39, 39]), &[Some(DAMPED)]));
-    let blocks = 144;
+    let blocks = 100;
     let looks = |center: Point3, path: &dyn Fn(f64) -> Vector3, steps: u64| {
         let mut world = start.clone();
         let ball = world.add_obstacle("ball", Shape::sphere(center, 12.0), 0.0);
