@@ -220,7 +220,7 @@ fn chains<V: Vector>(steps: usize) -> usize {
     steps * CHAINS * V::LANES
 }
 
-/// [`widest_cell`] of a block. Same bits on every instruction set.
+/// The largest squared difference of velocities in the cells of a block, see [`super::parting`]. Same bits on every instruction set.
 ///
 /// # Panics
 /// If the machine does not have the instruction set.

@@ -134,10 +134,7 @@ fn benches_print_one_object() {
         rows.iter().find(|row| row["effect"] == name).and_then(|row| row["bytes_per_particle"].as_f64()).unwrap()
     };
     let bare = bytes("springs (bare)");
-    assert!(
-        ["gravity", "drag", "pull", "pressure", "nothing (noise)"].iter().all(|name| bytes(name) == bare),
-        "{effects}"
-    );
+    assert!(["gravity", "drag", "pressure", "nothing (noise)"].iter().all(|name| bytes(name) == bare), "{effects}");
     assert!(["dampers", "volume term", "fibres", "tool"].iter().all(|name| bytes(name) > bare), "{effects}");
     assert!(folder.read("prices/effects.csv").starts_with(b"effect,step_ms,"));
     assert!(!folder.read("prices/effects.png").is_empty());
