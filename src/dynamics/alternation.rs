@@ -23,7 +23,8 @@
 
 use rayon::prelude::*;
 
-use super::world::{StepError, World, step_too_long};
+use super::step_error::{StepError, step_too_long};
+use super::world::World;
 use crate::geometry::Vector3;
 use crate::kernel::alternation::{Alternation, alternation};
 use crate::kernel::halo::{HALO_LEN, Halo, gather};

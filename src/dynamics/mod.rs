@@ -7,6 +7,7 @@
 //! same world in plain f64, for judging the fast one.
 
 mod alternation;
+mod divergence;
 mod drive;
 pub mod effects;
 pub mod measure;
@@ -16,7 +17,9 @@ mod rigid;
 mod slot_constants;
 mod springs;
 pub mod stable_dt;
+mod step;
 pub mod step_control;
+mod step_error;
 pub mod timeline;
 mod volume;
 mod workers;
@@ -25,4 +28,5 @@ mod world;
 pub use drive::Handle;
 pub use effects::pressure::{Face, boundary_faces, lip_faces};
 pub use rigid::RigidBody;
-pub use world::{Moment, StepError, World};
+pub use step_error::StepError;
+pub use world::{Moment, World};

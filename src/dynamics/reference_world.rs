@@ -7,8 +7,10 @@
 //! Not covered: forces and rigid bodies that move; anchored rigid particles stay where they are.
 
 use super::alternation::{AlternationWatch, alternates};
+use super::divergence::LONGEST_MOVE;
 use super::effects::Drag;
-use super::world::{LONGEST_MOVE, StepError, World, likely_cause};
+use super::step_error::{StepError, likely_cause};
+use super::world::World;
 use crate::geometry::Vector3;
 use crate::kernel::alternation::Alternation;
 use crate::kernel::reference::{cell_fibre_energy, cell_volume_energy, fibre_forces, spring_forces, volume_forces};

@@ -2,114 +2,25 @@
 
 use std::collections::HashMap;
 
-use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use super::alternation::AlternationWatch;
 use super::drive::{Claims, Drive};
 use super::effects::Drag;
 use super::effects::contact::Contact;
-use super::effects::fibres::{CellFibres, FibreScratch};
+use super::effects::fibres::CellFibres;
 use super::rigid::Bodies;
-use super::springs::{BlockInput, BlockSprings, block_of};
-use super::stable_dt::Limits;
-use super::volume::{CellScratch, CellVolumes};
-use super::workers::{Worker, Workers};
+use super::springs::BlockSprings;
+use super::step_error::StepError;
+use super::volume::CellVolumes;
+use super::workers::Workers;
 use crate::cut::{Crossing, CutSheet, SheetRecorder, Sweep, Tissue, crossings};
-use crate::geometry::{Matrix3, Point3, Vector3};
-use crate::kernel::block::StepConstants;
+use crate::geometry::{Matrix3, Vector3};
 use crate::kernel::dispatch::Arithmetic;
-use crate::kernel::halo::gather;
-use crate::lattice::layout::{BLOCK_LEN, BlockLayout, NO_BLOCK};
-use crate::lattice::neighbours::{NEIGHBOURS, opposite};
+use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
+use crate::lattice::neighbours::opposite;
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::{Assembly, RigidKind, SpringConstants};
-
-/// Joined particles that part further than this in one step outrun every wave the lattice can carry [pitches].
-pub(super) const LONGEST_MOVE: f64 = 2.0;
-
-/// At most so many neighbouring blocks are stepped in a row by one thread, which asks for the next one's state meanwhile.
-const MOST_BLOCKS_PER_TASK: usize = 8;
-/// Every thread gets at least so many tasks, if there are enough blocks, so that threads end together.
-const TASKS_PER_THREAD: usize = 8;
-/// Fields of that state: displacement, old and new velocity, weight.
-const MOST_AHEAD: usize = 10;
-
-/// Why a step could not be finished. The state before it has been handed out; nothing of the bad one is.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum StepError {
-    /// A velocity became NaN or infinite, or two joined particles part too fast for the step to mean anything. How fast
-    /// a body moves as a whole does not matter.
-    #[error(
-        "the state diverged at t = {time:.6} s (step {step}) near ({:.1}, {:.1}, {:.1}) mm: neighbours part at \
-         {speed:.3e} m/s, that is {moves:.2e} pitches in a step of {dt:.3e} s; {cause}",
-        place.x, place.y, place.z
-    )]
-    Diverged {
-        /// When [s].
-        time: f64,
-        /// Number of the step that failed, from 1.
-        step: u64,
-        /// Rest place of the particle, RAS+ [mm].
-        place: Point3,
-        /// Its speed relative to a particle it is joined to [m/s]; infinite when the velocity is not a number.
-        speed: f64,
-        /// The same in pitches per step.
-        moves: f64,
-        /// The step [s].
-        dt: f64,
-        /// What is likely to have gone wrong, and what to do.
-        cause: String,
-    },
-    /// Neighbours part and meet in turn from step to step and do not come to rest: the step is too long, although dampers
-    /// keep the motion within bounds.
-    #[error(
-        "the motion alternates from step to step at t = {time:.6} s (step {step}) near ({:.1}, {:.1}, {:.1}) mm: neighbours \
-         part and meet by {moves:.2e} pitches in turn, in steps of {dt:.3e} s, and do not come to rest; {cause}",
-        place.x, place.y, place.z
-    )]
-    Alternates {
-        /// When [s].
-        time: f64,
-        /// Number of the step that failed, from 1.
-        step: u64,
-        /// Rest place of the particle that alternates most, RAS+ [mm].
-        place: Point3,
-        /// How far it parts from a particle it is joined to in one step, to come back in the next [pitches].
-        moves: f64,
-        /// The step [s].
-        dt: f64,
-        /// What is likely to have gone wrong, and what to do.
-        cause: String,
-    },
-    /// The tissue is deformed so far that hardly any step is stable.
-    #[error(
-        "the tissue is too stiff to go on at t = {time:.6} s near ({:.1}, {:.1}, {:.1}) mm: deformed as it is, it allows steps \
-         of {limit:.3e} s, and a planned step is divided into at most {most_parts} parts; something squeezes or stretches \
-         it beyond what it can follow: lower the force, give the motion more time, or refine lattice.pitch",
-        place.x, place.y, place.z
-    )]
-    TooStiff {
-        /// When [s].
-        time: f64,
-        /// Rest place of the stiffest particle, RAS+ [mm].
-        place: Point3,
-        /// The largest step that is stable there [s].
-        limit: f64,
-        /// Largest number of parts.
-        most_parts: u64,
-    },
-}
-
-impl StepError {
-    /// Rest place of the particle where it began, RAS+ [mm].
-    pub fn place(&self) -> Point3 {
-        match self {
-            Self::Diverged { place, .. } | Self::Alternates { place, .. } | Self::TooStiff { place, .. } => *place,
-        }
-    }
-}
 
 /// Where the particles of a world were at some moment.
 #[derive(Debug, Clone)]
@@ -131,9 +42,9 @@ pub struct World {
     pub(super) layout: BlockLayout,
     pub(super) springs: BlockSprings,
     /// `None` when no cell has a volume term: then nothing is stored, loaded or computed for it.
-    cells: Option<CellVolumes>,
+    pub(super) cells: Option<CellVolumes>,
     /// `None` when no cell has fibres: the same.
-    fibres: Option<Box<CellFibres>>,
+    pub(super) fibres: Option<Box<CellFibres>>,
     /// Displacement x, y, z of each slot [m].
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
@@ -156,18 +67,18 @@ pub struct World {
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
-    arithmetic: Arithmetic,
+    pub(super) arithmetic: Arithmetic,
     /// `None` without drag.
     pub(super) drag: Option<Drag>,
-    dt: f64,
-    steps: u64,
+    pub(super) dt: f64,
+    pub(super) steps: u64,
     /// Time and number of steps when the step was last changed.
     since: (f64, u64),
     /// Largest squared speed of each block in the last step [m^2/s^2].
     pub(super) fastest_squared: Vec<f32>,
     /// The same while a step is under way.
-    next_fastest: Vec<f32>,
-    workers: Workers,
+    pub(super) next_fastest: Vec<f32>,
+    pub(super) workers: Workers,
     /// Where blades went, at rest.
     sheet: SheetRecorder,
 }
@@ -414,203 +325,6 @@ impl World {
             / self.lattice.len() as f64
     }
 
-    /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
-    ///
-    /// # Errors
-    /// If a velocity is not finite or outruns the lattice; places are left as they were before the step, velocities are
-    /// not.
-    pub fn step(&mut self) -> Result<(), StepError> {
-        // Handed to the workers once: small lattices would wait for them longer than they compute.
-        rayon::scope(|_| self.step_among_workers())
-    }
-
-    fn step_among_workers(&mut self) -> Result<(), StepError> {
-        self.kick();
-        self.load_bodies();
-        // Lent to what changes velocities, and given back whatever happens.
-        let mut fastest = std::mem::take(&mut self.next_fastest);
-        self.apply_drives(&mut fastest);
-        self.apply_drag(&mut fastest);
-        self.advance_bodies(&mut fastest);
-        self.touch_obstacles(&mut fastest);
-        let sound = self.check(&fastest).and_then(|()| self.watch_alternation(&fastest));
-        self.next_fastest = fastest;
-        sound?;
-        std::mem::swap(&mut self.fastest_squared, &mut self.next_fastest);
-        self.drift();
-        self.settle_bodies();
-        self.steps += 1;
-        Ok(())
-    }
-
-    /// New velocities, and the largest squared speed of each block.
-    fn kick(&mut self) {
-        let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
-        let damped = self.springs.damped();
-        let arithmetic = self.arithmetic;
-        let rigid = self.rigid.as_deref();
-        self.workers.prepare();
-        let Self {
-            displacement,
-            velocity,
-            next_velocity,
-            next_fastest,
-            dt_over_mass,
-            layout,
-            springs,
-            cells,
-            fibres,
-            workers,
-            ..
-        } = self;
-        let old_velocity: [&[f32]; 3] = [&[]; 3];
-        // With dampers the neighbours' old velocities are read while new ones are written.
-        let (old_velocity, [x, y, z]) = if damped {
-            (velocity.each_ref().map(Vec::as_slice), next_velocity.each_mut())
-        } else {
-            (old_velocity, velocity.each_mut())
-        };
-        let tasks = TASKS_PER_THREAD * rayon::current_num_threads();
-        let in_task = (layout.blocks.len() / tasks).clamp(1, MOST_BLOCKS_PER_TASK);
-        let size = in_task * BLOCK_LEN;
-        let groups = (x.par_chunks_mut(size), y.par_chunks_mut(size), z.par_chunks_mut(size));
-        let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(in_task));
-        groups.enumerate().for_each(|(group, ((x, y, z), fastest))| {
-            let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch } = &mut *workers.own();
-            let mut rest = [x, y, z];
-            for (place, fastest) in fastest.iter_mut().enumerate() {
-                let block = group * in_task + place;
-                let mut out = rest.each_mut().map(|rest| {
-                    let (own, after) = std::mem::take(rest).split_at_mut(BLOCK_LEN);
-                    *rest = after;
-                    <&mut [f32; BLOCK_LEN]>::try_from(own).expect("whole blocks")
-                });
-                let mut ahead = ArrayVec::<&[f32; BLOCK_LEN], MOST_AHEAD>::new();
-                if !rest[0].is_empty() {
-                    ahead.extend(rest.iter().map(|rest| block_of(rest, 0)));
-                    ahead.extend(displacement.iter().map(|field| block_of(field, block + 1)));
-                    if damped {
-                        ahead.extend(old_velocity.iter().map(|field| block_of(field, block + 1)));
-                    }
-                    ahead.push(block_of(dt_over_mass, block + 1));
-                }
-                let neighbours = &layout.neighbours[block];
-                for axis in 0..3 {
-                    gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
-                }
-                if damped {
-                    for axis in 0..3 {
-                        gather(old_velocity[axis], neighbours, &mut scratch.velocity[axis]);
-                        out[axis].copy_from_slice(block_of(old_velocity[axis], block));
-                    }
-                }
-                if let Some(rigid) = rigid {
-                    rigid.clear_block(block, &mut out);
-                }
-                let force = match (&*fibres, &*cells) {
-                    (None, None) => None,
-                    (None, Some(cells)) => {
-                        cells.forces(layout, block, scratch, cell_scratch.get_or_insert_with(CellScratch::new))
-                    }
-                    (Some(fibres), cells) => {
-                        let own = cell_scratch.get_or_insert_with(CellScratch::new);
-                        let halos = fibre_scratch.get_or_insert_with(FibreScratch::new);
-                        fibres.forces(cells.as_ref(), layout, block, scratch, own, halos)
-                    }
-                };
-                let dt_over_mass = block_of(dt_over_mass, block);
-                let input = BlockInput { scratch, cells: force, dt_over_mass, ahead: &ahead };
-                *fastest = springs.kick(arithmetic, step, layout, block, input, out);
-            }
-        });
-        if damped {
-            std::mem::swap(velocity, next_velocity);
-        }
-    }
-
-    /// Nearly free while everything is slow: one number per block. Otherwise fast blocks are looked at more closely.
-    fn check(&self, fastest: &[f32]) -> Result<(), StepError> {
-        let limit = LONGEST_MOVE * self.lattice.pitch / self.dt;
-        // Two particles slower than half the limit cannot part faster than the limit.
-        let fast = |squared: f32| f64::from(squared).sqrt() > 0.5 * limit;
-        if !fastest.iter().any(|&squared| fast(squared)) {
-            return Ok(());
-        }
-        let spans: Vec<VelocitySpan> =
-            (0..fastest.len()).into_par_iter().map(|block| self.velocity_span(block)).collect();
-        let parting = (0..fastest.len()).into_par_iter().find_map_first(|block| {
-            if !fast(fastest[block]) {
-                return None;
-            }
-            let around = self.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
-            let span = around.fold(VelocitySpan::EMPTY, |span, &other| span.joined(spans[other as usize]));
-            // Together, however fast: a body in flight.
-            if fastest[block].is_finite() && span.width() <= limit {
-                return None;
-            }
-            self.parting(block, fastest[block].is_finite()).filter(|&(speed, _)| speed > limit)
-        });
-        let Some((speed, particle)) = parting else { return Ok(()) };
-        Err(StepError::Diverged {
-            time: self.time() + self.dt,
-            step: self.steps + 1,
-            place: self.lattice.rest_place(particle),
-            speed,
-            moves: speed * self.dt / self.lattice.pitch,
-            dt: self.dt,
-            cause: likely_cause(&self.lattice, &self.topology, &self.assembly, self.dt),
-        })
-    }
-
-    /// Smallest and largest velocity of a block's particles that have springs.
-    fn velocity_span(&self, block: usize) -> VelocitySpan {
-        let alive = self.springs.alive(block);
-        let mut span = VelocitySpan::EMPTY;
-        for axis in 0..3 {
-            let velocity: &[f32; BLOCK_LEN] = block_of(&self.velocity[axis], block);
-            for (&v, _) in velocity.iter().zip(alive).filter(|&(_, &springs)| springs != 0) {
-                span.min[axis] = span.min[axis].min(v);
-                span.max[axis] = span.max[axis].max(v);
-            }
-        }
-        span
-    }
-
-    /// The largest speed at which a particle of a block and one it is joined to part, and the particle; infinite for a
-    /// velocity that is not finite (or whose square is not).
-    fn parting(&self, block: usize, finite: bool) -> Option<(f64, u32)> {
-        let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
-        let particles = slots.filter_map(|slot| self.layout.particle_of_slot(&self.lattice, slot));
-        let speed = |particle: u32| {
-            let own = self.velocity(particle);
-            let countable = own.norm_squared() < f64::from(f32::MAX);
-            if !finite && !countable {
-                return f64::INFINITY;
-            }
-            let alive = self.topology.alive()[particle as usize];
-            (0..NEIGHBOURS)
-                .filter(|d| alive >> d & 1 == 1)
-                .filter_map(|direction| self.lattice.neighbour(particle, direction))
-                .map(|other| (self.velocity(other) - own).norm())
-                .fold(0.0, f64::max)
-        };
-        particles.map(|particle| (speed(particle), particle)).max_by(|a, b| a.0.total_cmp(&b.0))
-    }
-
-    fn drift(&mut self) {
-        let dt = self.dt as f32;
-        for axis in 0..3 {
-            self.displacement[axis]
-                .par_chunks_mut(16 * BLOCK_LEN)
-                .zip(self.velocity[axis].par_chunks(16 * BLOCK_LEN))
-                .for_each(|(displacement, velocity)| {
-                    for (u, v) in displacement.iter_mut().zip(velocity) {
-                        *u += dt * v;
-                    }
-                });
-        }
-    }
-
     /// Where every particle is now, for a later [`World::cut_since`].
     pub fn moment(&self) -> Moment {
         Moment { displacement: self.displacement.clone() }
@@ -724,51 +438,5 @@ impl World {
                 velocity[slot as usize] = 0.0;
             }
         }
-    }
-}
-
-/// Why a state that diverged may have done so, and what to do.
-pub(super) fn likely_cause(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> String {
-    step_too_long(lattice, topology, assembly, dt).unwrap_or_else(|| {
-        "the step is within the stable bound, so a force or a grabbed region or a tool (or a start far from rest) \
-         moves the tissue faster than it can follow: lower the force, or give the motion more time"
-            .to_owned()
-    })
-}
-
-/// Says so when a step is longer than what is stable at rest, and what to do.
-pub(super) fn step_too_long(lattice: &Lattice, topology: &Topology, assembly: &Assembly, dt: f64) -> Option<String> {
-    let limits = Limits::at_rest(lattice, topology, assembly);
-    // As close as it gets, in the time of a few hundred steps.
-    let bound = limits.sharpen(lattice, topology, assembly, 1e4).sharp;
-    (dt > bound).then(|| {
-        format!(
-            "the step is {:.2} times the stable one ({bound:.3e} s): ask for a smaller time.dt or leave it out",
-            dt / bound
-        )
-    })
-}
-
-/// Smallest and largest velocity along each axis [m/s]. NaN is left out: it is found by its speed.
-#[derive(Debug, Clone, Copy)]
-struct VelocitySpan {
-    min: [f32; 3],
-    max: [f32; 3],
-}
-
-impl VelocitySpan {
-    const EMPTY: Self = Self { min: [f32::MAX; 3], max: [f32::MIN; 3] };
-
-    fn joined(self, other: Self) -> Self {
-        Self {
-            min: [0, 1, 2].map(|axis| self.min[axis].min(other.min[axis])),
-            max: [0, 1, 2].map(|axis| self.max[axis].max(other.max[axis])),
-        }
-    }
-
-    /// No two velocities of the span differ by more [m/s].
-    fn width(&self) -> f64 {
-        let width = |axis: usize| (f64::from(self.max[axis]) - f64::from(self.min[axis])).max(0.0);
-        Vector3::new(width(0), width(1), width(2)).norm()
     }
 }

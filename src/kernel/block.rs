@@ -165,7 +165,6 @@ pub fn kick_block<V: Vector, const EXACT: bool, K: SpringConstant, C: SpringCons
     };
     let mut fastest = Fastest { squared: V::splat(0.0), doubt: V::splat(0.0) };
     open_plane(work, state.known_force, -1);
-    open_plane(work, state.known_force, 0);
     for z in -1..=BLOCK[2] as isize {
         open_plane(work, state.known_force, z + 1);
         for y in -1..=BLOCK[1] as isize {

@@ -1,6 +1,6 @@
 //! Where the constants of springs come from, and which springs live. Chosen per block, never inside a loop.
 
-use super::halo::{HALO_LEN, HALO_ROW, HALO_ROWS, Halo};
+use super::halo::{HALO_LEN, HALO_ROW, Halo};
 use super::rows::{Around, LANES, column_of, row_of, row_of_block, rows_around};
 use super::simd::Vector;
 use crate::lattice::layout::{BLOCK, BLOCK_LEN};
@@ -16,7 +16,7 @@ pub trait Strides {
 pub struct HaloStrides;
 
 impl Strides for HaloStrides {
-    const STRIDES: [isize; 3] = [1, HALO_ROW as isize, (HALO_ROW * (HALO_ROWS / (BLOCK[2] + 2))) as isize];
+    const STRIDES: [isize; 3] = [1, HALO_ROW as isize, (HALO_ROW * (BLOCK[1] + 2)) as isize];
 }
 
 /// From a place to the one at an offset.
