@@ -35,6 +35,8 @@ use args::{Arguments, Command};
 use exit::Outcome;
 use messages::{Messages, out};
 
+use crate::kernel::dispatch::InstructionSet;
+
 /// Parses the command line, does what it asks, and gives the exit code: see [`exit`](self).
 pub fn main() -> ExitCode {
     // clap prints help and usage errors itself, with codes 0 and 2.
@@ -46,6 +48,10 @@ pub fn main() -> ExitCode {
             messages.error(&anyhow::Error::new(error).context("could not start the worker threads"));
             return ExitCode::from(exit::BAD_INPUT);
         }
+    }
+    if let Err(problem) = InstructionSet::asked_for() {
+        messages.error(&anyhow::Error::msg(problem));
+        return ExitCode::from(exit::BAD_INPUT);
     }
     match dispatch(arguments.command, &messages) {
         Ok(outcome) => outcome.code(),

@@ -51,13 +51,28 @@ impl InstructionSet {
         }
     }
 
-    /// The fastest one this machine has, or the one named in the environment by `YAWARA_INSTRUCTION_SET`, if it has it.
+    /// The one named in the environment by `YAWARA_INSTRUCTION_SET`, if any is.
+    ///
+    /// # Errors
+    /// If it is none of the three, or this machine does not have it.
+    pub fn asked_for() -> Result<Option<Self>, String> {
+        let Some(name) = std::env::var_os("YAWARA_INSTRUCTION_SET") else { return Ok(None) };
+        let set: Self = name.to_string_lossy().parse().map_err(|error| format!("YAWARA_INSTRUCTION_SET: {error}"))?;
+        if !set.available() {
+            return Err(format!(
+                "YAWARA_INSTRUCTION_SET is {}, which this machine does not have; unset it",
+                set.name()
+            ));
+        }
+        Ok(Some(set))
+    }
+
+    /// The one [asked for](Self::asked_for), or else the fastest this machine has.
     pub fn best() -> Self {
         static BEST: OnceLock<InstructionSet> = OnceLock::new();
         *BEST.get_or_init(|| {
-            let asked = std::env::var("YAWARA_INSTRUCTION_SET").ok().and_then(|name| name.parse().ok());
             let fastest = Self::ALL.into_iter().rfind(|set| set.available()).unwrap_or(Self::Baseline);
-            asked.filter(|set: &Self| set.available()).unwrap_or(fastest)
+            Self::asked_for().ok().flatten().unwrap_or(fastest)
         })
     }
 
@@ -117,6 +132,43 @@ impl Arithmetic {
     }
 }
 
+/// A fast body, to be run with the registers of some instruction set.
+trait Job {
+    /// What it gives.
+    type Output;
+    /// Runs it. To be inlined always: it belongs into a function compiled for the instruction set.
+    fn run<V: Vector>(self) -> Self::Output;
+}
+
+/// Runs a job on an instruction set; the only place where one is entered.
+///
+/// # Panics
+/// If the machine does not have it.
+fn run_on<J: Job>(set: InstructionSet, job: J) -> J::Output {
+    assert!(set.available(), "this machine has no {}", set.name());
+    match set {
+        // SAFETY: asked for above.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => unsafe { run_on_avx512(job) },
+        // SAFETY: the same.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => unsafe { run_on_avx2(job) },
+        _ => job.run::<Plain>(),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
+fn run_on_avx512<J: Job>(job: J) -> J::Output {
+    job.run::<Avx512>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn run_on_avx2<J: Job>(job: J) -> J::Output {
+    job.run::<Avx2>()
+}
+
 /// [`kick_block`] as `arithmetic` says.
 pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
     arithmetic: Arithmetic,
@@ -128,125 +180,94 @@ pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
     velocity: [&mut [f32; BLOCK_LEN]; 3],
 ) -> f32 {
     let Arithmetic { set, exact } = arithmetic;
-    match set {
-        // SAFETY: an `Arithmetic` is only made with an instruction set that the machine has.
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx512 => unsafe { kick_avx512(exact, stiffness, damping, alive, state, work, velocity) },
-        // SAFETY: the same.
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx2 => unsafe { kick_avx2(exact, stiffness, damping, alive, state, work, velocity) },
-        _ if exact => kick_block::<Plain, true, K, C, A>(stiffness, damping, alive, state, work, velocity),
-        _ => kick_block::<Plain, false, K, C, A>(stiffness, damping, alive, state, work, velocity),
-    }
+    let kick = Kick { stiffness, damping, alive, state, work, velocity };
+    if exact { run_on(set, Exact(kick)) } else { run_on(set, kick) }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
-fn kick_avx512<K: SpringConstant, C: SpringConstant, A: Living>(
-    exact: bool,
+struct Kick<'a, K, C, A> {
     stiffness: K,
     damping: C,
     alive: A,
-    state: BlockState<'_>,
-    work: &mut Work,
-    velocity: [&mut [f32; BLOCK_LEN]; 3],
-) -> f32 {
-    if exact {
-        kick_block::<Avx512, true, K, C, A>(stiffness, damping, alive, state, work, velocity)
-    } else {
-        kick_block::<Avx512, false, K, C, A>(stiffness, damping, alive, state, work, velocity)
+    state: BlockState<'a>,
+    work: &'a mut Work,
+    velocity: [&'a mut [f32; BLOCK_LEN]; 3],
+}
+
+/// The same in exact arithmetic.
+struct Exact<T>(T);
+
+impl<K: SpringConstant, C: SpringConstant, A: Living> Job for Kick<'_, K, C, A> {
+    type Output = f32;
+    #[inline(always)]
+    fn run<V: Vector>(self) -> f32 {
+        let Self { stiffness, damping, alive, state, work, velocity } = self;
+        kick_block::<V, false, K, C, A>(stiffness, damping, alive, state, work, velocity)
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn kick_avx2<K: SpringConstant, C: SpringConstant, A: Living>(
-    exact: bool,
-    stiffness: K,
-    damping: C,
-    alive: A,
-    state: BlockState<'_>,
-    work: &mut Work,
-    velocity: [&mut [f32; BLOCK_LEN]; 3],
-) -> f32 {
-    if exact {
-        kick_block::<Avx2, true, K, C, A>(stiffness, damping, alive, state, work, velocity)
-    } else {
-        kick_block::<Avx2, false, K, C, A>(stiffness, damping, alive, state, work, velocity)
+impl<K: SpringConstant, C: SpringConstant, A: Living> Job for Exact<Kick<'_, K, C, A>> {
+    type Output = f32;
+    #[inline(always)]
+    fn run<V: Vector>(self) -> f32 {
+        let Kick { stiffness, damping, alive, state, work, velocity } = self.0;
+        kick_block::<V, true, K, C, A>(stiffness, damping, alive, state, work, velocity)
     }
 }
 
 /// Twelve chains of multiplications with addition, `steps` long: what the arithmetic of one thread can reach. Returns their
 /// number, a lane counted as one.
+///
+/// # Panics
+/// If the machine does not have the instruction set.
 pub fn multiply_add_chains(set: InstructionSet, steps: usize) -> usize {
-    match set {
-        // SAFETY: asked for below.
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx512 if set.available() => unsafe { chains_avx512(steps) },
-        // SAFETY: the same.
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx2 if set.available() => unsafe { chains_avx2(steps) },
-        _ => chains::<Plain>(steps),
-    }
+    run_on(set, Chains { steps })
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
-fn chains_avx512(steps: usize) -> usize {
-    chains::<Avx512>(steps)
+struct Chains {
+    steps: usize,
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn chains_avx2(steps: usize) -> usize {
-    chains::<Avx2>(steps)
-}
-
-#[inline(always)]
-fn chains<V: Vector>(steps: usize) -> usize {
-    const CHAINS: usize = 12;
-    let factor = V::splat(black_box(0.999));
-    let mut chains = [V::splat(black_box(1.0)); CHAINS];
-    for _ in 0..steps {
-        for chain in &mut chains {
-            *chain = chain.mul_add(factor, factor);
+impl Job for Chains {
+    type Output = usize;
+    #[inline(always)]
+    fn run<V: Vector>(self) -> usize {
+        const CHAINS: usize = 12;
+        let factor = V::splat(black_box(0.999));
+        let mut chains = [V::splat(black_box(1.0)); CHAINS];
+        for _ in 0..self.steps {
+            for chain in &mut chains {
+                *chain = chain.mul_add(factor, factor);
+            }
         }
+        let mut out = [0.0; LANES];
+        for chain in chains {
+            chain.store(&mut out, 0);
+            black_box(&out);
+        }
+        self.steps * CHAINS * V::LANES
     }
-    let mut out = [0.0; LANES];
-    for chain in chains {
-        chain.store(&mut out, 0);
-        black_box(&out);
-    }
-    steps * CHAINS * V::LANES
 }
 
-/// The largest squared difference of velocities in the cells of a block, see [`super::parting`]. Same bits on every instruction set.
+/// The largest squared difference of velocities in the cells of a block, see [`super::parting`]. Same bits on every
+/// instruction set.
 ///
 /// # Panics
 /// If the machine does not have the instruction set.
 pub fn widest_cell_of_block(set: InstructionSet, velocity: [&Halo; 3], present: &Halo) -> f32 {
-    assert!(set.available(), "this machine has no {}", set.name());
-    match set {
-        // SAFETY: asked for above.
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx512 => unsafe { widest_cell_avx512(velocity, present) },
-        // SAFETY: the same.
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx2 => unsafe { widest_cell_avx2(velocity, present) },
-        _ => widest_cell::<Plain>(velocity, present),
+    run_on(set, WidestCell { velocity, present })
+}
+
+struct WidestCell<'a> {
+    velocity: [&'a Halo; 3],
+    present: &'a Halo,
+}
+
+impl Job for WidestCell<'_> {
+    type Output = f32;
+    #[inline(always)]
+    fn run<V: Vector>(self) -> f32 {
+        widest_cell::<V>(self.velocity, self.present)
     }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
-fn widest_cell_avx512(velocity: [&Halo; 3], present: &Halo) -> f32 {
-    widest_cell::<Avx512>(velocity, present)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn widest_cell_avx2(velocity: [&Halo; 3], present: &Halo) -> f32 {
-    widest_cell::<Avx2>(velocity, present)
 }
 
 /// [`block_volume_forces`] on the best instruction set of this machine. Same bits on all of them.
