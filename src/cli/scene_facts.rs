@@ -20,7 +20,7 @@ use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::run::prepare::{Prepared, Spread, Spreads, prepare};
 use crate::run::thin_tools::thin_tools;
-use crate::scene::resolved::{Action, Body, Operation, Organ, Scene};
+use crate::scene::resolved::{Body, Operation, Organ, Scene};
 
 /// The world is stepped for about this long to find its pace.
 const BUDGET: Duration = Duration::from_millis(300);
@@ -131,9 +131,7 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
 
 /// What soft tissue cannot enter, as the resolved scene has it.
 fn obstacles(scene: &Scene) -> Vec<Value> {
-    let is_obstacle =
-        |action: &Action| matches!(action, Action::Tool { .. } | Action::Plane { .. } | Action::Bone { .. });
-    let obstacles = scene.operations.iter().filter(|operation| is_obstacle(&operation.action));
+    let obstacles = scene.operations.iter().filter(|operation| operation.action.is_obstacle());
     obstacles
         .map(|Operation { name, from, until, action }| {
             let until = until.is_finite().then_some(until);

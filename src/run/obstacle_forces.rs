@@ -2,7 +2,7 @@
 
 use super::drive::Frame;
 use crate::geometry::Vector3;
-use crate::scene::resolved::{Action, Scene};
+use crate::scene::resolved::Scene;
 
 /// Axes of the patient, as series are named.
 const AXES: [char; 3] = ['x', 'y', 'z'];
@@ -30,9 +30,7 @@ struct Felt {
 impl ObstacleForces {
     /// Before the first frame.
     pub(super) fn new(scene: &Scene) -> Self {
-        let is_obstacle =
-            |action: &Action| matches!(action, Action::Tool { .. } | Action::Plane { .. } | Action::Bone { .. });
-        let obstacles = scene.operations.iter().filter(|operation| is_obstacle(&operation.action));
+        let obstacles = scene.operations.iter().filter(|operation| operation.action.is_obstacle());
         let zero = Vector3::zeros();
         let felt = obstacles.map(|o| Felt { name: o.name.clone(), impulse: zero, force: zero, largest: (0.0, 0) });
         Self { obstacles: felt.collect(), last: 0.0 }

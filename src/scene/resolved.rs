@@ -342,6 +342,13 @@ pub enum Action {
     },
 }
 
+impl Action {
+    /// Whether it is something that soft tissue cannot enter.
+    pub fn is_obstacle(&self) -> bool {
+        matches!(self, Self::Tool { .. } | Self::Plane { .. } | Self::Bone { .. })
+    }
+}
+
 /// The shape of a tool, where it stands before it is moved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
