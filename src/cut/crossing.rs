@@ -4,8 +4,10 @@ use rayon::prelude::*;
 
 use super::blade::{Piece, Sweep};
 use crate::geometry::Vector3;
+use crate::kernel::halo::{HALO_LEN, HALO_ROW, gather, halo_row};
+use crate::kernel::laws::{HaloStrides, away};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout, NO_BLOCK};
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS};
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, Topology};
 
 /// How far beside its place a piece of edge is tested [pitches]: a particle exactly in the plane of a cut then has a side,
@@ -91,14 +93,6 @@ pub fn crossings(
     if sweep.pieces.is_empty() {
         return Vec::new();
     }
-    let way = |particle: u32| {
-        let slot = layout.slot[particle as usize] as usize;
-        let rest = Vector3::from(lattice.ijk(particle).map(|n| n as f64)) * lattice.pitch;
-        [before, now].map(|moment| rest + Vector3::from([0, 1, 2].map(|axis| f64::from(moment[axis][slot]))))
-    };
-    let particles_of = |block: usize| {
-        (block * BLOCK_LEN..(block + 1) * BLOCK_LEN).filter_map(move |slot| layout.particle_of_slot(lattice, slot))
-    };
     let bounds: Vec<Bounds> = (0..layout.blocks.len())
         .into_par_iter()
         .map(|block| {
@@ -117,19 +111,22 @@ pub fn crossings(
                 .iter()
                 .filter(|&&neighbour| neighbour != NO_BLOCK)
                 .fold(Bounds::EMPTY, |reach, &neighbour| reach.joined(bounds[neighbour as usize]));
-            let near: Vec<&Piece> =
-                pieces.iter().filter(|(piece, _)| piece.meets(&reach)).map(|&(_, piece)| piece).collect();
+            let near: Vec<&(Bounds, &Piece)> = pieces.iter().filter(|(bounds, _)| bounds.meets(&reach)).collect();
             let mut found = Vec::new();
             if near.is_empty() {
                 return found;
             }
-            for particle in particles_of(block) {
+            let ways = Ways::new(layout, block, [before, now], lattice.pitch);
+            let near: Vec<Near<'_>> =
+                near.into_iter().map(|(bounds, piece)| Near::new(*bounds, piece, &ways, margin)).collect();
+            for slot in 0..BLOCK_LEN {
+                let Some(particle) = layout.particle_of_slot(lattice, block * BLOCK_LEN + slot) else { continue };
                 let alive = topology.alive()[particle as usize];
-                let start = way(particle);
+                let own = place_in_halo(slot);
                 for direction in (FIRST_FORWARD..NEIGHBOURS).filter(|d| alive >> d & 1 == 1) {
-                    let Some(other) = lattice.neighbour(particle, direction) else { continue };
-                    let end = way(other);
-                    if let Some(at) = near.iter().find_map(|piece| piece.passes(start, end, lattice.pitch)) {
+                    let other = own.wrapping_add_signed(away::<HaloStrides>(OFFSETS[direction]));
+                    let meets = near.iter().find_map(|near| near.passes(&ways, own, other, lattice.pitch));
+                    if let Some(at) = meets {
                         found.push(Crossing { particle, direction: direction as u8, at: at as f32 });
                     }
                 }
@@ -139,6 +136,79 @@ pub fn crossings(
         .collect();
     found.sort_unstable_by_key(|crossing| (crossing.particle, crossing.direction));
     found
+}
+
+/// Where the particles of a block and those around it begin and end, lattice axes [m], laid out as a halo.
+struct Ways {
+    moments: [Box<[Vector3; HALO_LEN]>; 2],
+}
+
+impl Ways {
+    fn new(layout: &BlockLayout, block: usize, displacement: [&[Vec<f32>; 3]; 2], pitch: f64) -> Self {
+        let corner = layout.corner(block);
+        let mut halo = [0.0_f32; HALO_LEN];
+        let moments = displacement.map(|moment| {
+            let mut places = Box::new([Vector3::zeros(); HALO_LEN]);
+            for axis in 0..3 {
+                gather(&moment[axis], &layout.neighbours[block], &mut halo);
+                for (at, (place, &moved)) in places.iter_mut().zip(&halo).enumerate() {
+                    let row = at / HALO_ROW;
+                    let step = [at % HALO_ROW, row % (BLOCK[1] + 2), row / (BLOCK[1] + 2)][axis];
+                    place[axis] = (corner[axis] as f64 + step as f64 - 1.0) * pitch + f64::from(moved);
+                }
+            }
+            places
+        });
+        Self { moments }
+    }
+
+    fn of(&self, at: usize) -> [Vector3; 2] {
+        [self.moments[0][at], self.moments[1][at]]
+    }
+}
+
+/// Place of a slot of a block in a halo.
+fn place_in_halo(slot: usize) -> usize {
+    let row = slot / BLOCK[0];
+    halo_row((row % BLOCK[1]) as isize, (row / BLOCK[1]) as isize) + 1 + slot % BLOCK[0]
+}
+
+/// A piece of edge near a block, and what tells cheaply that most springs are not met: a spring that is met ends on both
+/// sides of the swept plane, at one moment or between two.
+struct Near<'a> {
+    piece: &'a Piece,
+    bounds: Bounds,
+    /// Lowest and highest place of each particle over the swept plane [m].
+    heights: Box<[[f64; 2]; HALO_LEN]>,
+    /// How far beside the plane the edge may be [m].
+    margin: f64,
+}
+
+impl<'a> Near<'a> {
+    fn new(bounds: Bounds, piece: &'a Piece, ways: &Ways, margin: f64) -> Self {
+        let normal = piece.positive_normal();
+        let mut heights = Box::new([[0.0; 2]; HALO_LEN]);
+        // Without a plane nothing is told apart: everything lies in it.
+        for (at, heights) in heights.iter_mut().enumerate() {
+            let [first, last] = ways.of(at).map(|place| normal.dot(&(place - piece.origin.coords)));
+            *heights = [first.min(last), first.max(last)];
+        }
+        Self { piece, bounds, heights, margin }
+    }
+
+    /// [`Piece::passes`] for the spring between two places of the halo.
+    fn passes(&self, ways: &Ways, a: usize, b: usize, pitch: f64) -> Option<f64> {
+        let ([low_a, high_a], [low_b, high_b]) = (self.heights[a], self.heights[b]);
+        if low_a.min(low_b) > self.margin || high_a.max(high_b) < -self.margin {
+            return None;
+        }
+        let (a, b) = (ways.of(a), ways.of(b));
+        let spring = Bounds { min: a[0].inf(&a[1]).inf(&b[0]).inf(&b[1]), max: a[0].sup(&a[1]).sup(&b[0]).sup(&b[1]) };
+        if !self.bounds.meets(&spring) {
+            return None;
+        }
+        self.piece.passes(a, b, pitch)
+    }
 }
 
 /// Bounds of a block's particles: its box at rest, widened by the smallest and largest displacement in it.

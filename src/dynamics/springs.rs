@@ -3,7 +3,7 @@
 use super::slot_constants::to_slots;
 use crate::kernel::block::{BlockState, StepConstants, Work};
 use crate::kernel::dispatch::{Arithmetic, kick};
-use crate::kernel::halo::{HALO_LEN, Halo, gather, halo_row};
+use crate::kernel::halo::{HALO_LEN, Halo, gather, gather_rows, halo_row};
 use crate::kernel::laws::{Absent, HaloBits, Intact, MeanOfEnds, SumOfCells, Uniform};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout};
 use crate::lattice::neighbours::ALL_ALIVE;
@@ -146,9 +146,9 @@ impl BlockSprings {
             dt_over_mass,
             ahead,
         };
-        let neighbours = &layout.neighbours[block];
+        let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
         if let BlockKind::General = self.kind[block] {
-            gather(&self.alive, neighbours, alive);
+            gather_rows(&self.alive, neighbours, rows, alive);
         }
         let bits = HaloBits { alive };
         macro_rules! kick_with {
@@ -173,22 +173,22 @@ impl BlockSprings {
                 }
             }
             (Law::MeanOfEnds { stiffness, damping }, BlockKind::General) => {
-                gather(stiffness, neighbours, stiffness_halo);
+                gather_rows(stiffness, neighbours, rows, stiffness_halo);
                 let stiffness = MeanOfEnds { particle: stiffness_halo };
                 match damping {
                     Some(damping) => {
-                        gather(damping, neighbours, damping_halo);
+                        gather_rows(damping, neighbours, rows, damping_halo);
                         kick_with!(stiffness, MeanOfEnds { particle: damping_halo }, bits)
                     }
                     None => kick_with!(stiffness, Absent, bits),
                 }
             }
             (Law::SumOfCells { stiffness, damping, weight }, BlockKind::General) => {
-                gather(stiffness, neighbours, stiffness_halo);
+                gather_rows(stiffness, neighbours, rows, stiffness_halo);
                 let stiffness = SumOfCells { cell: stiffness_halo, weight: *weight };
                 match damping {
                     Some(damping) => {
-                        gather(damping, neighbours, damping_halo);
+                        gather_rows(damping, neighbours, rows, damping_halo);
                         kick_with!(stiffness, SumOfCells { cell: damping_halo, weight: *weight }, bits)
                     }
                     None => kick_with!(stiffness, Absent, bits),

@@ -10,7 +10,7 @@ use super::volume::CellScratch;
 use super::workers::Worker;
 use super::world::World;
 use crate::kernel::block::StepConstants;
-use crate::kernel::halo::gather;
+use crate::kernel::halo::gather_rows;
 use crate::lattice::layout::BLOCK_LEN;
 
 /// At most so many neighbouring blocks are stepped in a row by one thread, which asks for the next one's state meanwhile.
@@ -101,13 +101,13 @@ impl World {
                     }
                     ahead.push(block_of(dt_over_mass, block + 1));
                 }
-                let neighbours = &layout.neighbours[block];
+                let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
                 for axis in 0..3 {
-                    gather(&displacement[axis], neighbours, &mut scratch.displacement[axis]);
+                    gather_rows(&displacement[axis], neighbours, rows, &mut scratch.displacement[axis]);
                 }
                 if damped {
                     for axis in 0..3 {
-                        gather(old_velocity[axis], neighbours, &mut scratch.velocity[axis]);
+                        gather_rows(old_velocity[axis], neighbours, rows, &mut scratch.velocity[axis]);
                         out[axis].copy_from_slice(block_of(old_velocity[axis], block));
                     }
                 }

@@ -6,7 +6,7 @@
 
 use super::springs::{Scratch, alike};
 use crate::kernel::dispatch::volume_forces;
-use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::halo::{HALO_LEN, Halo, gather_rows};
 use crate::kernel::laws::Absent;
 use crate::kernel::volume::{CellPlanes, CellStep, EachCell, SameCells};
 use crate::lattice::build::corners;
@@ -129,10 +129,11 @@ impl CellVolumes {
     }
 
     /// Copies modulus and viscosity of a block's cells with halo.
-    pub(super) fn gather(&self, neighbours: &[u32; 27], own: &mut CellScratch) {
-        gather(&self.modulus, neighbours, &mut own.modulus);
+    pub(super) fn gather(&self, layout: &BlockLayout, block: usize, own: &mut CellScratch) {
+        let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
+        gather_rows(&self.modulus, neighbours, rows, &mut own.modulus);
         if let Some(viscosity) = &self.viscosity {
-            gather(viscosity, neighbours, &mut own.viscosity);
+            gather_rows(viscosity, neighbours, rows, &mut own.viscosity);
         }
     }
 
@@ -153,7 +154,7 @@ impl CellVolumes {
         own: &'a mut CellScratch,
     ) -> Option<&'a [[f32; BLOCK_LEN]; 3]> {
         let (displacement, velocity) = (scratch.displacement.each_ref(), scratch.velocity.each_ref());
-        let neighbours = &layout.neighbours[block];
+        let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
         let CellScratch { modulus: modulus_halo, viscosity: viscosity_halo, planes, force } = own;
         let step = self.step;
         match (self.kind[block], &self.viscosity) {
@@ -166,12 +167,12 @@ impl CellVolumes {
                 volume_forces(step, modulus, viscosity, displacement, velocity, planes, force);
             }
             (BlockKind::General, viscosity) => {
-                gather(&self.modulus, neighbours, modulus_halo);
+                gather_rows(&self.modulus, neighbours, rows, modulus_halo);
                 let modulus = EachCell { cell: modulus_halo };
                 match viscosity {
                     None => volume_forces(step, modulus, Absent, displacement, velocity, planes, force),
                     Some(viscosity) => {
-                        gather(viscosity, neighbours, viscosity_halo);
+                        gather_rows(viscosity, neighbours, rows, viscosity_halo);
                         let viscosity = EachCell { cell: viscosity_halo };
                         volume_forces(step, modulus, viscosity, displacement, velocity, planes, force);
                     }

@@ -155,7 +155,7 @@ pub fn kick_block<V: Vector, const EXACT: bool, K: SpringConstant, C: SpringCons
         damping,
     };
     let moving = moving_rows(state.dt_over_mass);
-    springs.enter::<EXACT, A>(alive, &state, work);
+    springs.enter::<EXACT, A>(alive, &moving, &state, work);
     let halos = Fields {
         displacement: [state.displacement[0], state.displacement[1], state.displacement[2]],
         velocity: [state.velocity[0], state.velocity[1], state.velocity[2]],
@@ -372,7 +372,7 @@ impl<V: Vector, K: SpringConstant, C: SpringConstant> Springs<V, K, C> {
 
     /// The springs that lead into the first column of the block from the one before.
     #[inline(always)]
-    fn enter<const EXACT: bool, A: Living>(&self, alive: A, state: &BlockState<'_>, work: &mut Work) {
+    fn enter<const EXACT: bool, A: Living>(&self, alive: A, moving: &Moving, state: &BlockState<'_>, work: &mut Work) {
         for axis in 0..3 {
             columns(&state.displacement[axis][..], &mut work.displacement[axis]);
             if C::PRESENT {
@@ -392,7 +392,11 @@ impl<V: Vector, K: SpringConstant, C: SpringConstant> Springs<V, K, C> {
         };
         // From the first grid point inside the halo to the last; lanes on its border are never read.
         let (first, last) = (PLANE_ROWS + 1, PLANE_ROWS * (BLOCK[2] + 1) - 1);
+        let moving = moving.as_flattened();
         for target in (first..last).step_by(V::LANES) {
+            if !moving[target..moving.len().min(target + V::LANES)].iter().any(|&moves| moves) {
+                continue;
+            }
             let mut sum = [V::splat(0.0); 3];
             macro_rules! ahead {
                 ($dy:literal, $dz:literal, $straight:literal) => {{

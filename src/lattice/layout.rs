@@ -20,6 +20,9 @@ pub const NO_BLOCK: u32 = u32::MAX;
 pub struct BlockLayout {
     /// For each block the block at each of the 27 offsets (x fastest, itself at 13), or [`NO_BLOCK`].
     pub neighbours: Vec<[u32; 27]>,
+    /// For each block the rows, halo included, that can matter to its particles: those that hold one, and all beside them. Bit
+    /// `(z + 1) * (BLOCK[1] + 2) + (y + 1)` for the row at (y, z), each from -1 to the block's size.
+    pub rows: Vec<u128>,
     /// Block coordinates (block index along x, y, z) of each block, ascending with x fastest.
     pub blocks: Vec<[u32; 3]>,
     /// Grid index of the first grid point of block (0, 0, 0): the smallest of any particle along each axis, so that a body
@@ -79,7 +82,7 @@ impl BlockLayout {
                 })
             })
             .collect();
-        let slot = lattice
+        let slot: Vec<u32> = lattice
             .points
             .iter()
             .map(|&point| {
@@ -88,7 +91,12 @@ impl BlockLayout {
                 block * BLOCK_LEN as u32 + slot_in_block([0, 1, 2].map(|axis| ijk[axis] % BLOCK[axis])) as u32
             })
             .collect();
-        Self { neighbours, blocks, origin, slot }
+        let mut rows = vec![0; blocks.len()];
+        for &slot in &slot {
+            let (block, inside) = (slot as usize / BLOCK_LEN, slot as usize % BLOCK_LEN);
+            rows[block] |= rows_beside(inside / BLOCK[0] % BLOCK[1], inside / (BLOCK[0] * BLOCK[1]));
+        }
+        Self { neighbours, rows, blocks, origin, slot }
     }
 
     /// Number of slots of an array in block order.
@@ -118,6 +126,13 @@ impl BlockLayout {
         }
         Some(lattice.particle_at[lattice.grid.shape.linear(ijk)]).filter(|&particle| particle != NO_PARTICLE)
     }
+}
+
+/// The row at (y, z) of a block and the eight around it, see [`BlockLayout::rows`].
+const fn rows_beside(y: usize, z: usize) -> u128 {
+    const PLANE: usize = BLOCK[1] + 2;
+    let three_rows = 0b111 << y;
+    (three_rows | three_rows << PLANE | three_rows << (2 * PLANE)) << (z * PLANE)
 }
 
 /// Slot of a local grid index inside its block.

@@ -7,7 +7,7 @@
 use crate::dynamics::springs::{Scratch, alike};
 use crate::dynamics::volume::{BlockKind as VolumeKind, CellScratch, CellVolumes};
 use crate::kernel::fibres::{EachFibres, SameFibres, cell_forces};
-use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::halo::{HALO_LEN, Halo, gather_rows};
 use crate::kernel::laws::Absent;
 use crate::kernel::volume::{CellStep, EachCell, SameCells};
 use crate::lattice::build::corners;
@@ -109,7 +109,7 @@ impl CellFibres {
         own: &'a mut CellScratch,
         fibres: &mut FibreScratch,
     ) -> Option<&'a [[f32; BLOCK_LEN]; 3]> {
-        let neighbours = &layout.neighbours[block];
+        let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
         let volumes = volumes.filter(|volumes| volumes.kind(block) != VolumeKind::Nothing);
         let volume_kind = volumes.map(|volumes| volumes.kind(block));
         if self.kind[block] == BlockKind::Nothing {
@@ -133,10 +133,10 @@ impl CellFibres {
             return Some(&own.force);
         }
         for (axis, halo) in self.root.iter().zip(&mut fibres.root) {
-            gather(axis, neighbours, halo);
+            gather_rows(axis, neighbours, rows, halo);
         }
         if let Some(volumes) = volumes {
-            volumes.gather(neighbours, own);
+            volumes.gather(layout, block, own);
         }
         let CellScratch { modulus, viscosity, planes, force } = own;
         let root = EachFibres { cell: fibres.root.each_ref() };
