@@ -111,6 +111,9 @@ pub(super) fn simulate(
             tell(&mut recorder, messages, &volume.to_string())?;
         }
     }
+    if let Some(torn) = world.torn() {
+        tell(&mut recorder, messages, &format!("{torn} springs torn"))?;
+    }
     for line in recorder.obstacle_lines() {
         tell(&mut recorder, messages, &line)?;
     }

@@ -117,14 +117,18 @@ fn effects(scene: &Scene, assembly: &Assembly, springs: usize) -> Value {
             action.keys().for_each(|kind| *kinds.entry(kind.clone()).or_default() += 1);
         }
     }
+    let count = |does: fn(&Organ) -> bool| scene.organs.iter().filter(|organ| does(organ)).count();
     json!({
         "springs": springs,
         "dampers": assembly.damping.is_some(),
         "volume_term": assembly.volume.is_some(),
-        "fibrous_organs": scene.organs.iter().filter(|organ| organ.fibres.is_some()).count(),
+        "fibrous_organs": count(|organ| organ.fibres.is_some()),
+        "relaxing_organs": count(|organ| organ.inelastic.relaxation.is_some()),
+        "yielding_organs": count(|organ| organ.inelastic.plasticity.is_some()),
+        "tearing_organs": count(|organ| organ.inelastic.tear_strain.is_some()),
         "gravity_m_per_s2": scene.gravity,
         "drag_per_s": scene.drag,
-        "rigid_organs": scene.organs.iter().filter(|organ| matches!(organ.body, Body::Rigid { .. })).count(),
+        "rigid_organs": count(|organ| matches!(organ.body, Body::Rigid { .. })),
         "operations": kinds,
     })
 }
@@ -190,6 +194,7 @@ fn of_organ(number: u8, organ: &Organ, prepared: &Prepared) -> Value {
         "particles": particles,
         "body": organ.body,
         "fibres": organ.fibres,
+        "inelastic": organ.inelastic,
         "solid": Value::Null,
         "spread": { "youngs_modulus_pa": of_spread(youngs_modulus), "density_kg_per_m3": of_spread(density) },
     });
@@ -326,10 +331,10 @@ fn effects_text(effects: &Value) -> String {
         let one = if kind == "fix" { "fixed region" } else { kind.as_str() };
         found.push(times(count.as_u64().unwrap_or(0), one));
     }
-    let fibrous = effects["fibrous_organs"].as_u64().unwrap_or(0);
-    found.extend((fibrous > 0).then(|| times(fibrous, "fibrous organ")));
-    let rigid = effects["rigid_organs"].as_u64().unwrap_or(0);
-    found.extend((rigid > 0).then(|| times(rigid, "rigid organ")));
+    for kind in ["fibrous", "relaxing", "yielding", "tearing", "rigid"] {
+        let count = effects[format!("{kind}_organs")].as_u64().unwrap_or(0);
+        found.extend((count > 0).then(|| times(count, &format!("{kind} organ"))));
+    }
     found.join(", ")
 }
 
@@ -419,6 +424,22 @@ fn organs_text(facts: &Value, lines: &mut Vec<String>) {
             direction.collect::<Vec<_>>().join(", "),
             cell(&organ["fibres"]["modulus_pa"])
         ));
+    }
+    for organ in &organs {
+        let (name, inelastic) = (organ["name"].as_str().unwrap_or_default(), &organ["inelastic"]);
+        if let relaxation @ Value::Object(_) = &inelastic["relaxation"] {
+            let [ratio, time] = ["ratio", "time_s"].map(|key| cell(&relaxation[key]));
+            lines.push(format!(
+                "{name}: relaxes from 1 + {ratio} times the E above, in {time} s to 1/e of the difference"
+            ));
+        }
+        if let plasticity @ Value::Object(_) = &inelastic["plasticity"] {
+            let [strain, time] = ["yield_strain", "time_s"].map(|key| cell(&plasticity[key]));
+            lines.push(format!("{name}: yields beyond a strain of {strain}, in {time} s"));
+        }
+        if !inelastic["tear_strain"].is_null() {
+            lines.push(format!("{name}: tears at a strain of {}", cell(&inelastic["tear_strain"])));
+        }
     }
     for organ in organs.iter().filter(|organ| !isotropic(organ)) {
         let solid = &organ["solid"];

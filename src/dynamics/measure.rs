@@ -16,7 +16,7 @@ const CHUNK: usize = 65_536;
 pub struct Balance {
     /// Kinetic energy [J].
     pub kinetic: f64,
-    /// Energy of the stretched springs and fibres and of the cells whose volume changed [J]. Below a Poisson's ratio of 1/4 the
+    /// Energy of the stretched springs (as far as they have not yielded, and with their Maxwell branches) and fibres and of the cells whose volume changed [J]. Below a Poisson's ratio of 1/4 the
     /// cells' share is negative.
     pub elastic: f64,
     /// Linear momentum [kg m/s].
@@ -53,7 +53,7 @@ pub fn balance(world: &World) -> Balance {
             let length = (along + difference).norm();
             // l - L without cancellation: (l^2 - L^2) / (l + L).
             let stretch = difference.dot(&(2.0 * along + difference)) / (length + along.norm());
-            elastic += 0.5 * world.assembly().stiffness.of(lattice, particle, direction) * stretch * stretch;
+            elastic += world.spring_energy(particle, direction, stretch);
         }
         if let Some(term) = &world.assembly().volume {
             elastic += cell_volume_energy(lattice, world.topology(), term, particle, |p| world.displacement(p));

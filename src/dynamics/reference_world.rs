@@ -4,7 +4,7 @@
 //! and grabbed ones, gravity and drag, and with the same check of every step. No blocks, no threads, no instruction sets: some hundred
 //! times slower, and right to f64 rounding.
 //!
-//! Not covered: forces and rigid bodies that move; anchored rigid particles stay where they are.
+//! Not covered: tearing; forces and rigid bodies that move; anchored rigid particles stay where they are.
 
 use super::alternation::{AlternationWatch, alternates};
 use super::divergence::LONGEST_MOVE;
@@ -13,7 +13,9 @@ use super::step_error::{StepError, likely_cause};
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::kernel::alternation::Alternation;
-use crate::kernel::reference::{cell_fibre_energy, cell_volume_energy, fibre_forces, spring_forces, volume_forces};
+use crate::kernel::reference::{
+    HeldBack, cell_fibre_energy, cell_volume_energy, fibre_forces, flow, inelastic_forces, spring_forces, volume_forces,
+};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::Assembly;
@@ -26,6 +28,9 @@ pub struct ReferenceWorld {
     assembly: Assembly,
     displacement: Vec<Vector3>,
     velocity: Vec<Vector3>,
+    /// What Maxwell branches and yielding hold back of each spring [m].
+    relaxed: HeldBack,
+    yielded: HeldBack,
     held: Vec<bool>,
     grabbed: Option<Grabbed>,
     gravity: Vector3,
@@ -55,6 +60,8 @@ impl ReferenceWorld {
             assembly: world.assembly().clone(),
             displacement: all().map(|p| world.displacement(p)).collect(),
             velocity: all().map(|p| world.velocity(p)).collect(),
+            relaxed: all().map(|p| world.held_back(p).map(|[relaxed, _]| relaxed)).collect(),
+            yielded: all().map(|p| world.held_back(p).map(|[_, yielded]| yielded)).collect(),
             held: all().map(|p| world.mass()[p as usize] == 0.0 || world.is_held(p)).collect(),
             grabbed: None,
             gravity: world.gravity,
@@ -124,17 +131,20 @@ impl ReferenceWorld {
     /// [`StepError::Diverged`] and [`StepError::Alternates`] as [`World::step`] (which looks for alternation block by block,
     /// this world at the whole); places are left as they were before the step.
     pub fn step(&mut self) -> Result<(), StepError> {
-        let Self { lattice, topology, assembly, displacement, velocity, dt, .. } = &*self;
+        let Self { lattice, topology, assembly, displacement, velocity, relaxed, yielded, dt, .. } = &*self;
+        let inelastic = inelastic_forces(lattice, topology, assembly, displacement, relaxed, yielded);
         let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
         let fibres = fibre_forces(lattice, topology, assembly, displacement);
         let before = self.velocity.clone();
         let kept = self.drag.map_or(1.0, |drag| drag.kept(self.dt));
-        for (p, ((spring, cell), fibre)) in springs.into_iter().zip(cells).zip(fibres).enumerate() {
+        let forces = springs.into_iter().zip(cells).zip(fibres).zip(inelastic);
+        for (p, (((spring, cell), fibre), inelastic)) in forces.enumerate() {
             self.velocity[p] = if self.held[p] {
                 Vector3::zeros()
             } else {
-                let acceleration = (spring + cell + fibre) / f64::from(self.assembly.mass[p]) + self.gravity;
+                let acceleration =
+                    (spring + cell + fibre + inelastic) / f64::from(self.assembly.mass[p]) + self.gravity;
                 (self.velocity[p] + self.dt * acceleration) * kept
             };
         }
@@ -151,6 +161,8 @@ impl ReferenceWorld {
         for (displacement, velocity) in self.displacement.iter_mut().zip(&self.velocity) {
             *displacement += self.dt * velocity;
         }
+        let Self { lattice, topology, assembly, displacement, relaxed, yielded, dt, .. } = self;
+        flow(lattice, topology, assembly, displacement, *dt, relaxed, yielded);
         self.time += self.dt;
         self.steps += 1;
         Ok(())

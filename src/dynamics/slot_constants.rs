@@ -5,6 +5,7 @@ use crate::lattice::layout::BlockLayout;
 use crate::material::SpringConstants;
 
 /// [`SpringConstants`] with per-particle and per-cell values moved to their slots.
+#[derive(Debug, Clone)]
 pub(super) enum SlotConstants {
     Uniform(f32),
     MeanOfEnds(Vec<f32>),
@@ -19,6 +20,22 @@ impl SlotConstants {
             SpringConstants::SumOfCells { cell, weight } => {
                 Self::SumOfCells { cell: to_slots(layout, cell), weight: *weight }
             }
+        }
+    }
+
+    /// One value per slot; none of a uniform constant.
+    pub(super) fn values(&self) -> &[f32] {
+        match self {
+            Self::Uniform(_) => &[],
+            Self::MeanOfEnds(values) | Self::SumOfCells { cell: values, .. } => values,
+        }
+    }
+
+    /// What a cell of value 1 gives to a spring of each family; `None` for means of ends.
+    pub(super) fn weight(&self) -> Option<[f32; 3]> {
+        match self {
+            Self::SumOfCells { weight, .. } => Some(*weight),
+            Self::Uniform(_) | Self::MeanOfEnds(_) => None,
         }
     }
 

@@ -105,6 +105,11 @@ impl BlockSprings {
         block_of(&self.alive, block)
     }
 
+    /// Living springs of every slot.
+    pub(super) fn alive_slots(&self) -> &[u32] {
+        &self.alive
+    }
+
     /// Number of blocks that take the fast body, for reports.
     pub(super) fn alike_blocks(&self) -> usize {
         self.kind.iter().filter(|kind| matches!(kind, BlockKind::Alike { .. })).count()

@@ -4,6 +4,7 @@ use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use super::effects::fibres::FibreScratch;
+use super::effects::inner_springs::InnerScratch;
 use super::springs::{BlockInput, block_of};
 use super::step_error::StepError;
 use super::volume::CellScratch;
@@ -11,6 +12,7 @@ use super::workers::Worker;
 use super::world::World;
 use crate::kernel::block::StepConstants;
 use crate::kernel::halo::gather_rows;
+use crate::kernel::inner_length::InnerStep;
 use crate::lattice::layout::BLOCK_LEN;
 
 /// At most so many neighbouring blocks are stepped in a row by one thread, which asks for the next one's state meanwhile.
@@ -46,6 +48,8 @@ impl World {
         std::mem::swap(&mut self.fastest_squared, &mut self.next_fastest);
         self.drift();
         self.settle_bodies();
+        self.flow();
+        self.tear();
         self.steps += 1;
         Ok(())
     }
@@ -53,6 +57,7 @@ impl World {
     /// New velocities, and the largest squared speed of each block.
     fn kick(&mut self) {
         let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
+        let inner_step = InnerStep::new(self.lattice.pitch, self.dt);
         let damped = self.springs.damped();
         let arithmetic = self.arithmetic;
         let rigid = self.rigid.as_deref();
@@ -67,6 +72,8 @@ impl World {
             springs,
             cells,
             fibres,
+            relaxation,
+            plasticity,
             workers,
             ..
         } = self;
@@ -83,7 +90,7 @@ impl World {
         let groups = (x.par_chunks_mut(size), y.par_chunks_mut(size), z.par_chunks_mut(size));
         let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(in_task));
         groups.enumerate().for_each(|(group, ((x, y, z), fastest))| {
-            let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch } = &mut *workers.own();
+            let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch, inner } = &mut *workers.own();
             let mut rest = [x, y, z];
             for (place, fastest) in fastest.iter_mut().enumerate() {
                 let block = group * in_task + place;
@@ -114,7 +121,7 @@ impl World {
                 if let Some(rigid) = rigid {
                     rigid.clear_block(block, &mut out);
                 }
-                let force = match (&*fibres, &*cells) {
+                let mut force = match (&*fibres, &*cells) {
                     (None, None) => None,
                     (None, Some(cells)) => {
                         cells.forces(layout, block, scratch, cell_scratch.get_or_insert_with(CellScratch::new))
@@ -125,13 +132,41 @@ impl World {
                         fibres.forces(cells.as_ref(), layout, block, scratch, own, halos)
                     }
                 };
+                let relaxation = relaxation.as_ref().filter(|springs| springs.acts_on(block));
+                let plasticity = plasticity.as_ref().filter(|springs| springs.acts_on(block));
+                if relaxation.is_some() || plasticity.is_some() {
+                    let InnerScratch { halos, force: own, .. } = &mut **inner.get_or_insert_with(InnerScratch::new);
+                    let force = force.get_or_insert_with(|| {
+                        *own = [[0.0; BLOCK_LEN]; 3];
+                        own
+                    });
+                    let input = (&scratch.displacement, springs.alive(block), inner_step);
+                    if let Some(branches) = relaxation {
+                        branches.add_forces(layout, block, input, halos, force);
+                    }
+                    if let Some(yielded) = plasticity {
+                        yielded.add_forces(layout, block, input, halos, force);
+                    }
+                }
                 let dt_over_mass = block_of(dt_over_mass, block);
-                let input = BlockInput { scratch, cells: force, dt_over_mass, ahead: &ahead };
+                let input = BlockInput { scratch, cells: force.map(|force| &*force), dt_over_mass, ahead: &ahead };
                 *fastest = springs.kick(arithmetic, step, layout, block, input, out);
             }
         });
         if damped {
             std::mem::swap(velocity, next_velocity);
+        }
+    }
+
+    /// Lets springs relax and yield at the new places.
+    fn flow(&mut self) {
+        let step = InnerStep::new(self.lattice.pitch, self.dt);
+        let Self { displacement, layout, springs, relaxation, plasticity, workers, .. } = self;
+        if let Some(branches) = relaxation {
+            branches.flow(layout, displacement, springs.alive_slots(), step, workers);
+        }
+        if let Some(yielded) = plasticity {
+            yielded.flow(layout, displacement, springs.alive_slots(), step, workers);
         }
     }
 

@@ -114,7 +114,7 @@ impl StepControl {
         let modulus = volume.map(|volume| to_slots(layout, &whole_moduli(lattice, world.topology(), &volume.modulus)));
         Self {
             limits,
-            stiffness: SlotConstants::new(layout, &assembly.stiffness),
+            stiffness: SlotConstants::new(layout, &assembly.instant_stiffness()),
             inverse_mass: to_slots(layout, &assembly.mass.iter().map(inverse).collect::<Vec<_>>()),
             damping_time,
             modulus,

@@ -152,7 +152,7 @@ impl CellVolumes {
         block: usize,
         scratch: &Scratch,
         own: &'a mut CellScratch,
-    ) -> Option<&'a [[f32; BLOCK_LEN]; 3]> {
+    ) -> Option<&'a mut [[f32; BLOCK_LEN]; 3]> {
         let (displacement, velocity) = (scratch.displacement.each_ref(), scratch.velocity.each_ref());
         let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
         let CellScratch { modulus: modulus_halo, viscosity: viscosity_halo, planes, force } = own;

@@ -3,6 +3,7 @@
 use std::sync::{Mutex, MutexGuard};
 
 use super::effects::fibres::FibreScratch;
+use super::effects::inner_springs::InnerScratch;
 use super::springs::Scratch;
 use super::volume::CellScratch;
 
@@ -13,11 +14,13 @@ pub(super) struct Worker {
     pub(super) cells: Option<Box<CellScratch>>,
     /// Made by the first block with fibres.
     pub(super) fibres: Option<Box<FibreScratch>>,
+    /// Made by the first block with springs that relax, yield or tear.
+    pub(super) inner: Option<Box<InnerScratch>>,
 }
 
 impl Default for Worker {
     fn default() -> Self {
-        Self { scratch: Scratch::new(), cells: None, fibres: None }
+        Self { scratch: Scratch::new(), cells: None, fibres: None, inner: None }
     }
 }
 

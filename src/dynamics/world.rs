@@ -9,6 +9,9 @@ use super::drive::{Claims, Drive};
 use super::effects::Drag;
 use super::effects::contact::Contact;
 use super::effects::fibres::CellFibres;
+use super::effects::plasticity::YieldedSprings;
+use super::effects::relaxation::MaxwellBranches;
+use super::effects::tearing::Tearing;
 use super::rigid::Bodies;
 use super::springs::BlockSprings;
 use super::step_error::StepError;
@@ -18,7 +21,7 @@ use crate::cut::{Crossing, CutSheet, SheetRecorder, Sweep, Tissue, crossings};
 use crate::geometry::{Matrix3, Vector3};
 use crate::kernel::dispatch::Arithmetic;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
-use crate::lattice::neighbours::opposite;
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::{Assembly, RigidKind, SpringConstants};
 
@@ -45,6 +48,10 @@ pub struct World {
     pub(super) cells: Option<CellVolumes>,
     /// `None` when no cell has fibres: the same.
     pub(super) fibres: Option<Box<CellFibres>>,
+    /// `None` when no spring relaxes, yields or tears: the same.
+    pub(super) relaxation: Option<Box<MaxwellBranches>>,
+    pub(super) plasticity: Option<Box<YieldedSprings>>,
+    pub(super) tearing: Option<Box<Tearing>>,
     /// Displacement x, y, z of each slot [m].
     pub(super) displacement: [Vec<f32>; 3],
     /// Velocity x, y, z of each slot [m/s].
@@ -108,12 +115,19 @@ impl World {
             assert!(term.viscosity.is_none() || springs.damped(), "a volume term with viscosity needs damped springs");
             CellVolumes::new(&lattice, &layout, &topology, term, dt)
         });
+        let inelastic = assembly.inelastic.as_ref();
+        let relaxation = inelastic.and_then(|terms| terms.relaxation.as_ref());
+        let plasticity = inelastic.and_then(|terms| terms.plasticity.as_ref());
+        let tearing = inelastic.and_then(|terms| terms.tearing.as_ref());
         let zeros = || [0, 1, 2].map(|_| vec![0.0; layout.slots()]);
         let next_velocity = if springs.damped() { zeros() } else { [const { Vec::new() }; 3] };
         let alternation = springs.damped().then(|| AlternationWatch::new(layout.blocks.len()));
         let rigid = Bodies::new(&lattice, &topology, &assembly, &layout).map(Box::new);
         let axes = lattice.grid.affine.linear().transpose() * (1e-3 / lattice.pitch);
         let mut world = Self {
+            relaxation: relaxation.map(|term| Box::new(MaxwellBranches::of(&layout, term))),
+            plasticity: plasticity.map(|term| Box::new(YieldedSprings::of(&layout, term))),
+            tearing: tearing.map(|term| Box::new(Tearing::new(&layout, term))),
             displacement: zeros(),
             velocity: zeros(),
             next_velocity,
@@ -321,8 +335,38 @@ impl World {
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
         let fibres = self.fibres.as_ref().map_or(0, |fibres| fibres.bytes() + 12 * self.lattice.len());
         let contact = self.contact.as_ref().map_or(0, |contact| contact.bytes());
-        (state + self.springs.bytes() + cells + fibres + lattice + constants + rigid + contact) as f64
+        let inner = self.relaxation.as_ref().map_or(0, |springs| springs.bytes())
+            + self.plasticity.as_ref().map_or(0, |springs| springs.bytes())
+            + self.tearing.as_ref().map_or(0, |tearing| tearing.bytes());
+        (state + self.springs.bytes() + cells + fibres + inner + lattice + constants + rigid + contact) as f64
             / self.lattice.len() as f64
+    }
+
+    /// What the springs that start at a particle hold back: in their Maxwell branches, and yielded [m].
+    pub(super) fn held_back(&self, particle: u32) -> [[f64; 2]; NEIGHBOURS - FIRST_FORWARD] {
+        let slot = self.layout.slot[particle as usize];
+        std::array::from_fn(|start| {
+            let relaxed = self.relaxation.as_ref().map_or(0.0, |springs| springs.held_back(slot, start));
+            let yielded = self.plasticity.as_ref().map_or(0.0, |springs| springs.held_back(slot, start));
+            [relaxed, yielded].map(f64::from)
+        })
+    }
+
+    /// Energy of the spring that starts at a particle in a forward direction, stretched by so much [m]: of what has not yielded,
+    /// and of its Maxwell branch [J].
+    pub(super) fn spring_energy(&self, particle: u32, direction: usize, stretch: f64) -> f64 {
+        let slot = self.layout.slot[particle as usize];
+        let elastic = |constants: &SpringConstants, held_back: f64| {
+            0.5 * constants.of(&self.lattice, particle, direction) * (stretch - held_back).powi(2)
+        };
+        let start = direction - FIRST_FORWARD;
+        let yielded = self.plasticity.as_ref().map_or(0.0, |springs| f64::from(springs.held_back(slot, start)));
+        let mut energy = elastic(&self.assembly.stiffness, yielded);
+        let term = self.assembly.inelastic.as_ref().and_then(|inelastic| inelastic.relaxation.as_ref());
+        if let (Some(term), Some(branches)) = (term, &self.relaxation) {
+            energy += elastic(&term.stiffness, f64::from(branches.held_back(slot, start)));
+        }
+        energy
     }
 
     /// Where every particle is now, for a later [`World::cut_since`].

@@ -1,7 +1,8 @@
 //! What the hot loop computes, written plainly and in f64: the oracle of every fast variant.
 
+use super::inner_length::MOST_YIELDED;
 use crate::geometry::{Matrix3, Vector3};
-use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS};
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, family};
 use crate::lattice::{Lattice, Topology};
 use crate::material::{Assembly, FibreTerm, VolumeTerm};
 
@@ -79,6 +80,101 @@ pub fn volume_forces(
         }
     }
     force
+}
+
+/// What the springs that start at each particle hold back, forward direction by forward direction [m]: flown in their Maxwell
+/// branches, or yielded. See [`super::inner_length`] for both laws.
+pub type HeldBack = Vec<[f64; NEIGHBOURS - FIRST_FORWARD]>;
+
+/// Force of all living springs' Maxwell branches on each particle and of what springs have yielded, lattice axes [N]. Shape
+/// `[particles]`.
+///
+/// - `displacement` [m]: shape `[particles]`, lattice axes; `relaxed`, `yielded`: read where the assembly has the term.
+///
+/// # Panics
+/// Never: a living spring has two ends.
+pub fn inelastic_forces(
+    lattice: &Lattice,
+    topology: &Topology,
+    assembly: &Assembly,
+    displacement: &[Vector3],
+    relaxed: &HeldBack,
+    yielded: &HeldBack,
+) -> Vec<Vector3> {
+    let mut force = vec![Vector3::zeros(); lattice.len()];
+    let Some(inelastic) = &assembly.inelastic else { return force };
+    for (particle, direction, other, d, stretch) in forward_springs(lattice, topology, displacement) {
+        let (p, start) = (particle as usize, direction - FIRST_FORWARD);
+        let mut tension = 0.0;
+        if let Some(term) = &inelastic.relaxation {
+            tension += term.stiffness.of(lattice, particle, direction) * (stretch - relaxed[p][start]);
+        }
+        if let Some(term) = &inelastic.plasticity {
+            tension -= term.stiffness.of(lattice, particle, direction) * yielded[p][start];
+        }
+        let pull = tension * d.normalize();
+        force[p] += pull;
+        force[other as usize] -= pull;
+    }
+    force
+}
+
+/// Lets all springs relax and yield for one step `dt` [s] by backward Euler.
+///
+/// # Panics
+/// Never: a living spring has two ends.
+pub fn flow(
+    lattice: &Lattice,
+    topology: &Topology,
+    assembly: &Assembly,
+    displacement: &[Vector3],
+    dt: f64,
+    relaxed: &mut HeldBack,
+    yielded: &mut HeldBack,
+) {
+    let Some(inelastic) = &assembly.inelastic else { return };
+    for (particle, direction, _, d, stretch) in forward_springs(lattice, topology, displacement) {
+        let (p, start) = (particle as usize, direction - FIRST_FORWARD);
+        let rest = (f64::from(family(direction) as u32)).sqrt() * lattice.pitch;
+        debug_assert!((d.norm() - rest - stretch).abs() < 1e-6 * d.norm().max(rest));
+        if let Some(term) = &inelastic.relaxation {
+            let stiffness = term.stiffness.of(lattice, particle, direction);
+            if stiffness > 0.0 {
+                let x = dt * term.rate.of(lattice, particle, direction) / stiffness;
+                relaxed[p][start] = (relaxed[p][start] + x * stretch) / (1.0 + x);
+            }
+        }
+        if let Some(term) = &inelastic.plasticity {
+            let stiffness = term.stiffness.of(lattice, particle, direction);
+            let yields_at = rest * term.threshold.of(lattice, particle, direction) / stiffness;
+            let elastic = stretch - yielded[p][start];
+            if elastic.abs() > yields_at {
+                let x = dt * term.rate.of(lattice, particle, direction) / stiffness;
+                let beyond = (elastic.abs() - yields_at) * (1.0 - 1.0 / (1.0 + x));
+                let most = f64::from(MOST_YIELDED) * rest;
+                yielded[p][start] = (yielded[p][start] + beyond * elastic.signum()).clamp(-most, most);
+            }
+        }
+    }
+}
+
+/// Every living spring once: its ends (particle, forward direction, other particle), the vector along it and by how much it is
+/// longer than at rest [m].
+fn forward_springs<'a>(
+    lattice: &'a Lattice,
+    topology: &'a Topology,
+    displacement: &'a [Vector3],
+) -> impl Iterator<Item = (u32, usize, u32, Vector3, f64)> + 'a {
+    (0..lattice.len() as u32).flat_map(move |particle| {
+        let alive = topology.alive()[particle as usize];
+        (FIRST_FORWARD..NEIGHBOURS).filter(move |d| alive >> d & 1 == 1).map(move |direction| {
+            let other = lattice.neighbour(particle, direction).expect("a living spring has two ends");
+            let rest = Vector3::from(OFFSETS[direction].map(f64::from)) * lattice.pitch;
+            let moved = displacement[other as usize] - displacement[particle as usize];
+            let d = rest + moved;
+            (particle, direction, other, d, moved.dot(&(d + rest)) / (d.norm() + rest.norm()))
+        })
+    })
 }
 
 /// Energy of the volume term of the cell above a particle [J]; 0 when the cell is not whole.

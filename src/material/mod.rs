@@ -6,12 +6,14 @@
 pub mod ct_density;
 pub mod elastic;
 mod fibres;
+mod inelastic;
 pub mod library;
 pub mod paper;
 mod rigid;
 pub mod tissue;
 
 pub use fibres::{FibreTerm, Fibres};
+pub use inelastic::{Inelastic, OrganInelastic, PlasticTerm, Plasticity, Relaxation, RelaxationTerm, TearingTerm};
 pub use rigid::{RigidKind, RigidParts};
 
 use crate::lattice::Lattice;
@@ -47,6 +49,8 @@ pub struct Assembly {
     pub volume: Option<VolumeTerm>,
     /// Fibres of the cells; `None` when no cell has any.
     pub fibres: Option<FibreTerm>,
+    /// What springs do beyond elasticity; `None` when they do nothing.
+    pub inelastic: Option<Inelastic>,
     /// Rigid parts that move; `None` when every rigid organ stays where it is.
     pub rigid: Option<RigidParts>,
 }

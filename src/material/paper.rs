@@ -54,6 +54,7 @@ pub fn assemble_with_rigid(
         damping: damped.then(|| constants(lattice, bodies, |b| b.damping)),
         volume: None,
         fibres: None,
+        inelastic: None,
         rigid: RigidParts::new(kind),
     }
 }

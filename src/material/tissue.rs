@@ -162,6 +162,7 @@ pub fn assemble_varied(
             viscosity: damped.then(|| of_cells(|cell| cell.volume_viscosity)),
         }),
         fibres: None,
+        inelastic: None,
         rigid: RigidParts::new(kind),
     }
 }

@@ -8,7 +8,7 @@ use crate::geometry::{GridShape, Point3, Vector3};
 use crate::lattice::Lattice;
 use crate::material::paper::{self, PaperBody};
 use crate::material::tissue::{self, CellValues, Damping, TissueBody};
-use crate::material::{Assembly, FibreTerm, Fibres};
+use crate::material::{Assembly, FibreTerm, Fibres, Inelastic, OrganInelastic, Plasticity, Relaxation};
 use crate::scene::resolved::{self, Body, Model, Property, PropertyKind, Scene};
 use crate::volume::{CtVolume, LabelVolume, SAME_GRID_TOLERANCE};
 
@@ -56,7 +56,7 @@ pub(super) fn assemble(
 ) -> Result<Materials, PrepareError> {
     let [moduli, densities] = PropertyKind::ALL.map(|kind| Varying::of_scene(kind, scene, inputs, native, lattice));
     let (moduli, densities) = (moduli?, densities?);
-    let assembly = match scene.lattice.model {
+    let mut assembly = match scene.lattice.model {
         Model::Paper => {
             let body = |organ: &resolved::Organ| match organ.body {
                 Body::Paper { stiffness, damping, mass } => Some(PaperBody { stiffness, damping, mass }),
@@ -78,6 +78,8 @@ pub(super) fn assemble(
             assembly
         }
     };
+    let organs: Vec<_> = scene.organs.iter().map(inelastic).collect();
+    assembly.inelastic = Inelastic::new(lattice, &assembly.stiffness, &organs);
     let spreads = (0..scene.organs.len()).map(|organ| Spreads {
         youngs_modulus: moduli.spread(lattice, organ),
         density: densities.spread(lattice, organ),
@@ -105,6 +107,19 @@ fn tissue_body(organ: &resolved::Organ) -> Option<TissueBody> {
             resolved::Damping::Ratio(ratio) => Damping::Ratio(ratio),
             resolved::Damping::Viscosity(viscosity) => Damping::Viscosity(viscosity),
         },
+    })
+}
+
+/// What an organ's springs do beyond elasticity; `None` for a rigid one.
+fn inelastic(organ: &resolved::Organ) -> Option<OrganInelastic> {
+    if matches!(organ.body, Body::Rigid { .. }) {
+        return None;
+    }
+    let resolved::Inelastic { relaxation, plasticity, tear_strain } = organ.inelastic;
+    Some(OrganInelastic {
+        relaxation: relaxation.map(|resolved::Relaxation { ratio, time }| Relaxation { ratio, time }),
+        plasticity: plasticity.map(|resolved::Plasticity { yield_strain, time }| Plasticity { yield_strain, time }),
+        tear_strain,
     })
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::checks::Checks;
 use super::diagnostics::KeyPath;
+use super::inelastic;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::resolved::{Body, Damping, Fibres, Model, Property};
 use super::schema::{self, SceneFile};
@@ -19,9 +20,9 @@ const DEFAULT_POISSONS_RATIO: f64 = 0.25;
 const LEAST_DAMPING_OF_FIBRES: f64 = 1e-3;
 /// Nearer to 1/2 an explicit step is not worth its price, and the cells lock.
 const POISSONS_RATIO: [f64; 2] = [0.0, 0.49];
-const PAPER_KEYS: &str = "stiffness (N/m), damping (N s/m) and mass (kg)";
+const PAPER_KEYS: &str = "stiffness (N/m), damping (N s/m) and mass (kg), relaxation, plasticity and tear_strain";
 const TISSUE_KEYS: &str = "youngs_modulus (Pa), density (kg/m3), poissons_ratio and damping_ratio or viscosity (Pa s), \
-                           fibres, or a material by name";
+                           fibres, relaxation, plasticity and tear_strain, or a material by name";
 
 /// Checks and resolves what an organ is made of; `None` when a problem was found.
 pub(super) fn body(
@@ -47,7 +48,9 @@ pub(super) fn body(
     ];
     let shared = [("material", organ.material.is_some()), ("density", organ.density.is_some())];
     if organ.rigid {
-        for (key, _) in paper.into_iter().chain(deformable).filter(|(_, written)| *written) {
+        for (key, _) in
+            paper.into_iter().chain(deformable).chain(inelastic::keys(organ)).filter(|(_, written)| *written)
+        {
             let next = "a rigid organ does not deform, so of a material it takes the density only; keep one of the two";
             let problem = Problem::Conflict { first: "rigid".into(), second: key.into(), next: next.to_owned() };
             checks.problem(&table.key(key), problem);

@@ -14,6 +14,7 @@ mod bodies;
 mod checks;
 pub(crate) mod color;
 mod diagnostics;
+mod inelastic;
 mod json_schema;
 mod look;
 mod obstacles;

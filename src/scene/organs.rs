@@ -7,6 +7,7 @@ use super::bodies::{body, fibres};
 use super::checks::Checks;
 use super::color;
 use super::diagnostics::KeyPath;
+use super::inelastic::inelastic;
 use super::look::look;
 use super::problem::{Caution, Problem, nearest_name, number};
 use super::resolve::LabelLookup;
@@ -39,14 +40,17 @@ pub(super) fn organs(
         let table = list.index(index);
         let body = body(checks, &table, organ, file, model, folder);
         let fibres = fibres(checks, &table, organ, model);
+        let inelastic = inelastic(checks, &table, organ);
         let voxels = voxels(checks, &table, organ, labels, file);
         let color = match &organ.color {
             None => Some(color::default_for(&organ.name, index)),
             Some(text) => parse_color(checks, &table.key("color"), text),
         };
         let look = look(checks, &table.key("look"), organ.look.as_ref(), &file.volume);
-        if let (Some(body), Some(fibres), Some(voxels), Some(color), Some(look)) = (body, fibres, voxels, color, look) {
-            resolved.push(Organ { name: organ.name.clone(), voxels, body, fibres, color, look });
+        if let (Some(body), Some(fibres), Some(inelastic), Some(voxels), Some(color), Some(look)) =
+            (body, fibres, inelastic, voxels, color, look)
+        {
+            resolved.push(Organ { name: organ.name.clone(), voxels, body, fibres, inelastic, color, look });
         }
     }
     (resolved.len() == file.organ.len()).then_some(resolved)

@@ -105,6 +105,9 @@ pub struct Organ {
     /// Fibres that stiffen it along their direction; `None` without, and for all but deformable tissue.
     #[serde(default)]
     pub fibres: Option<Fibres>,
+    /// What its springs do beyond elasticity.
+    #[serde(default)]
+    pub inelastic: Inelastic,
     /// Linear RGB in 0..=1.
     #[serde(rename = "color_linear_rgb")]
     pub color: [f32; 3],
@@ -122,6 +125,40 @@ pub struct Fibres {
     /// What they add to Young's modulus along them [Pa].
     #[serde(rename = "modulus_pa")]
     pub modulus: f64,
+}
+
+/// What an organ's springs do beyond elasticity; nothing by default.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Inelastic {
+    /// Tension that is let go in time.
+    pub relaxation: Option<Relaxation>,
+    /// Strain that stays.
+    pub plasticity: Option<Plasticity>,
+    /// Strain at which springs tear.
+    pub tear_strain: Option<f64>,
+}
+
+/// A standard linear solid's second branch.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Relaxation {
+    /// Its stiffness over that of the springs.
+    pub ratio: f64,
+    /// In which its tension falls to `1 / e` [s].
+    #[serde(rename = "time_s")]
+    pub time: f64,
+}
+
+/// Yielding.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plasticity {
+    /// Elastic strain beyond which springs yield.
+    pub yield_strain: f64,
+    /// In which what exceeds it falls to `1 / e` [s]; 0 for at once.
+    #[serde(rename = "time_s")]
+    pub time: f64,
 }
 
 /// How CT numbers become colours.
@@ -441,8 +478,15 @@ mod tests {
         let measured = tissue(file("/data/e.nii.gz"), map([900.0, 1e3 / 0.9]), Damping::Viscosity(0.0));
         let labels = |label| VoxelSelection::Labels(vec![label]);
         let color = [0.1, 0.2, 1.0 / 3.0];
-        let organ =
-            |name: &str, voxels, body| Organ { name: name.into(), voxels, body, fibres: None, color, look: None };
+        let organ = |name: &str, voxels, body| Organ {
+            name: name.into(),
+            voxels,
+            body,
+            fibres: None,
+            inelastic: Inelastic::default(),
+            color,
+            look: None,
+        };
         let colors = Look::Colors(vec![LookColor { hu: -0.1, color }, LookColor { hu: 1e3 / 3.0, color }]);
         let tool =
             |shape| Action::Tool { shape, path: vec![Vector3::zeros(), Vector3::x()], arrive: 0.1, friction: 0.7 };
@@ -484,6 +528,11 @@ mod tests {
                 },
                 Organ {
                     fibres: Some(Fibres { direction: Vector3::new(0.6, 0.0, 0.8), modulus: 1e5 / 3.0 }),
+                    inelastic: Inelastic {
+                        relaxation: Some(Relaxation { ratio: 1.0 / 3.0, time: 0.1 }),
+                        plasticity: Some(Plasticity { yield_strain: 0.07, time: 0.0 }),
+                        tear_strain: Some(0.35),
+                    },
                     ..organ("e", labels(9), mapped)
                 },
                 organ("f", labels(10), measured),
@@ -529,6 +578,7 @@ mod tests {
         assert_eq!(value["organs"][3]["look"]["colors"][1]["color_linear_rgb"][0], 0.1_f32);
         assert_eq!(value["organs"][0]["voxels"]["labels"][1], 65535);
         assert_eq!(value["organs"][4]["fibres"]["modulus_pa"], 1e5 / 3.0);
+        assert_eq!(value["organs"][4]["inelastic"]["relaxation"]["time_s"], 0.1);
         assert_eq!(value["drag_per_s"], 0.3);
         assert!(value["operations"][0]["until_s"].is_null());
         let region = &value["operations"][0]["action"]["fix"]["region"];

@@ -109,7 +109,7 @@ pub(super) struct Lattice {
 ///
 /// Model "tissue" takes a `material` by name, or the numbers `youngs_modulus`, `poissons_ratio`, `density` and one of
 /// `damping_ratio` and `viscosity`, and `fibres`; a number given beside a material replaces that of the material. Model "paper" takes
-/// `stiffness`, `damping` and `mass`. An organ with `rigid = true` takes none of them but `density`, or the density of a
+/// `stiffness`, `damping` and `mass`. Both take `relaxation`, `plasticity` and `tear_strain`. An organ with `rigid = true` takes none of them but `density`, or the density of a
 /// `material`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -164,6 +164,17 @@ pub(super) struct Organ {
     /// Example: `fibres = { direction = [0, 0, 1], modulus = 2e4 }`.
     #[serde(default, deserialize_with = "some_table")]
     pub(super) fibres: Option<Fibres>,
+    /// A part of its tension that the organ lets go in time, beside what lasts: it is stiffer against fast motion. Default: none.
+    /// Example: `relaxation = { ratio = 0.5, time = 0.2 }`.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) relaxation: Option<Relaxation>,
+    /// Strain beyond which the organ stays deformed. Default: none. Example: `plasticity = { yield_strain = 0.1 }`.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) plasticity: Option<Plasticity>,
+    /// Strain at which its springs tear, from 0.001 to 10: a property of the tissue at a pitch. Default: nothing tears.
+    /// Example: `tear_strain = 0.4`.
+    #[schemars(extend("minimum" = 1e-3, "maximum" = 10))]
+    pub(super) tear_strain: Option<f64>,
     /// Spring constant [N/m], above 0; model "paper" only, no default. Example: `stiffness = 10`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) stiffness: Option<f64>,
@@ -197,6 +208,32 @@ pub(super) struct Fibres {
     /// They do not damp. Example: `modulus = 2e4`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) modulus: f64,
+}
+
+/// A Maxwell branch beside every spring (standard linear solid): stretched and held, the organ pulls with
+/// `1 + ratio exp(-t / time)` times what it pulls with in the end.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Relaxation {
+    /// Stiffness of the branch over that of the springs, from 0.001 to 1000; the stable step becomes shorter as with an organ
+    /// `1 + ratio` times as stiff. Example: `ratio = 0.5`.
+    #[schemars(extend("minimum" = 1e-3, "maximum" = 1e3))]
+    pub(super) ratio: f64,
+    /// In which its tension falls to 1/e [s], above 0. Example: `time = 0.2`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) time: f64,
+}
+
+/// How an organ yields: the strain of a spring beyond `yield_strain`, in tension or under pressure, stays when it is let go.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Plasticity {
+    /// Elastic strain of a spring beyond which it yields, from 0.0001 to 0.5. Example: `yield_strain = 0.1`.
+    #[schemars(extend("minimum" = 1e-4, "maximum" = 0.5))]
+    pub(super) yield_strain: f64,
+    /// In which what is beyond falls to 1/e [s], 0 or more. Default: 0, at once. Example: `time = 0.05`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) time: Option<f64>,
 }
 
 /// How CT numbers become colours: one of these keys.

@@ -8,5 +8,6 @@ mod support;
 
 mod drag;
 mod fibres;
+mod inelastic;
 mod lips;
 mod pressure;

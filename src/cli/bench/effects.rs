@@ -49,11 +49,14 @@ const fn of_tables(name: &'static str, tables: &'static str) -> Effect {
 }
 
 /// Each effect alone.
-const EFFECTS: [Effect; 13] = [
+const EFFECTS: [Effect; 16] = [
     of_tables("gravity", "[gravity]\nacceleration = [0, 0, -9.81]"),
     of_organ("dampers", "damping_ratio = 0.2"),
     of_organ("volume term", "poissons_ratio = 0.45"),
     of_organ("fibres", "fibres = { direction = [1, 1, 0], modulus = 1e4 }"),
+    of_organ("relaxation", "relaxation = { ratio = 0.5, time = 0.2 }"),
+    of_organ("plasticity", "plasticity = { yield_strain = 0.1 }"),
+    of_organ("tearing", "tear_strain = 0.5"),
     of_tables("drag", "[drag]\nrate = 2.0"),
     of_tables("fix", "[[fix]]\nregion = { half_space = { point = [0, 0, -25], normal = [0, 0, -1] } }"),
     of_tables(

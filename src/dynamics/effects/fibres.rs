@@ -108,7 +108,7 @@ impl CellFibres {
         scratch: &Scratch,
         own: &'a mut CellScratch,
         fibres: &mut FibreScratch,
-    ) -> Option<&'a [[f32; BLOCK_LEN]; 3]> {
+    ) -> Option<&'a mut [[f32; BLOCK_LEN]; 3]> {
         let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
         let volumes = volumes.filter(|volumes| volumes.kind(block) != VolumeKind::Nothing);
         let volume_kind = volumes.map(|volumes| volumes.kind(block));
@@ -130,7 +130,7 @@ impl CellFibres {
                 }
                 _ => cell_forces(step, (Absent, Absent, root), u, v, planes, force),
             }
-            return Some(&own.force);
+            return Some(&mut own.force);
         }
         for (axis, halo) in self.root.iter().zip(&mut fibres.root) {
             gather_rows(axis, neighbours, rows, halo);

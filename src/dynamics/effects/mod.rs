@@ -4,6 +4,10 @@
 pub mod contact;
 mod drag;
 pub(super) mod fibres;
+pub(super) mod inner_springs;
+pub(super) mod plasticity;
 pub(super) mod pressure;
+pub(super) mod relaxation;
+pub(super) mod tearing;
 
 pub(super) use drag::Drag;

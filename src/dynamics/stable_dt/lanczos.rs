@@ -211,7 +211,7 @@ impl Operator {
 fn combine(assembly: &Assembly, particles: usize, of: impl Fn(f32, f32) -> f32) -> SpringConstants {
     use SpringConstants::{MeanOfEnds, SumOfCells, Uniform};
     let zip = |k: &[f32], c: &[f32]| k.iter().zip(c).map(|(&k, &c)| of(k, c)).collect();
-    match (&assembly.stiffness, &assembly.damping) {
+    match (&*assembly.instant_stiffness(), &assembly.damping) {
         (Uniform(k), None) => Uniform(of(*k, 0.0)),
         (Uniform(k), Some(Uniform(c))) => Uniform(of(*k, *c)),
         (SumOfCells { cell, weight }, None) => {

@@ -1,5 +1,6 @@
 //! Bounds from the 3 x 3 blocks of the stiffness matrix, particle by particle, in f64.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -97,6 +98,8 @@ struct Blocks<'a> {
     uncut: bool,
     assembly: &'a Assembly,
     modulus: Option<Vec<f32>>,
+    /// With what flows only in time.
+    stiffness: Cow<'a, SpringConstants>,
     /// Fibres of the whole cells [Pa^1/2].
     fibres: Option<Vec<[f32; 3]>>,
     viscosity: Option<Vec<f32>>,
@@ -111,6 +114,7 @@ impl<'a> Blocks<'a> {
             alive: topology.alive(),
             uncut: topology.severed().is_empty(),
             assembly,
+            stiffness: assembly.instant_stiffness(),
             modulus: volume.map(|volume| whole(&volume.modulus)),
             fibres: assembly.fibres.as_ref().map(|term| whole_fibres(lattice, topology, term)),
             viscosity: volume.and_then(|volume| volume.viscosity.as_deref().map(whole)),
@@ -119,7 +123,7 @@ impl<'a> Blocks<'a> {
 
     /// [N/m]
     fn stiffness(&self, particle: u32, around: &Around) -> Symmetric {
-        let mut block = self.block(particle, around, Some(&self.assembly.stiffness), self.modulus.as_deref());
+        let mut block = self.block(particle, around, Some(&*self.stiffness), self.modulus.as_deref());
         if let Some(fibres) = &self.fibres {
             self.add_fibres(fibres, around, &mut block);
         }
