@@ -16,14 +16,17 @@ use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::study::choice::METHODS;
 use crate::study::ledger::FILE;
-use crate::study::plan::Options;
+use crate::study::plan::{Options, Plan};
 use crate::study::report::{Page, markdown};
 use crate::study::sweep::{Progress, RUNS, Study};
-use crate::study::{judge, plots, surfaces, tables};
+use crate::study::{html, judge, plots, surfaces, tables};
+
+/// What is written beside plots.
+const TEXTS: [&str; 4] = ["report.md", "report.html", "results.csv", "results.json"];
 
 /// Find out what accuracy costs in time: run a scene with other steps, pitches and arithmetic, and measure errors.
 ///
-/// Writes results.csv, results.json, plots (PNG) and report.md, which says in sentences what each digit costs. An interrupted study
+/// Writes results.csv, results.json, plots (PNG), and report.md and report.html, which say in sentences what each digit costs. An interrupted study
 /// goes on where it was; every run is kept as a run directory.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  yawara study fixtures/scenes/liver-ct.toml -o outputs/study --budget 10\n  \
@@ -133,26 +136,21 @@ pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::
     make_room(folder, arguments.overwrite)?;
     let inputs = inputs::load(&scene)?;
     let mut study = Study::open(&scene, &inputs, folder, options)?;
-    let plan = study.plan()?;
+    let mut plan = study.plan()?;
+    run(&mut study, &plan, messages)?;
+    // Runs tell better than the probe what fits.
+    for _ in 0..2 {
+        let better = study.plan()?;
+        let more = better.tasks.iter().any(|task| !study.ledger().has(&task.choice, task.repeats - 1));
+        if better.left_out.len() < plan.left_out.len() && more {
+            messages.note("it goes faster than the probe promised: there is time for more");
+            run(&mut study, &better, messages)?;
+        }
+        plan = better;
+    }
     for left in &plan.left_out {
         messages.note(format_args!("left out, about {:.0} s: {}", left.seconds, left.choice.key()));
     }
-    let runs = plan.tasks.iter().map(|task| task.repeats as u64).sum();
-    let bar = progress::bar(messages, "runs", runs);
-    study.run(&plan, &mut |progress| match progress {
-        Progress::Planned { runs, known } => {
-            bar.inc(*known as u64);
-            let text = if *known == 0 {
-                format!("{runs} runs planned")
-            } else {
-                format!("going on with the study in {}: {known} of {runs} runs are there", folder.display())
-            };
-            bar.suspend(|| messages.note(text));
-        }
-        Progress::Begins(choice) => bar.set_message(choice.key()),
-        Progress::Ended => bar.inc(1),
-    })?;
-    bar.finish_and_clear();
     if let Some(first) = plan.tasks.first() {
         messages.note("measuring surfaces");
         surfaces::measure(&mut study, &first.choice)?;
@@ -168,21 +166,50 @@ pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::
         scene: &name,
         command: &arguments.command(),
         folder: &folder.display().to_string(),
-        machine: &format!("{} threads, {}", rayon::current_num_threads(), InstructionSet::best().name()),
+        machine: &format!("{}{} threads, {}", processor(), rayon::current_num_threads(), InstructionSet::best().name()),
         pictures: &pictures,
         instants: study.options().instants,
         budget_seconds: study.options().budget_seconds,
     };
     let json = serde_json::to_string_pretty(&tables::json(&findings, &plan, study.ledger()))?;
     let report = markdown(&page, &findings, &plan, study.ledger());
-    for (name, text) in [("results.csv", tables::csv(&findings)), ("results.json", json), ("report.md", report)] {
+    let html = html::page(&report, |name| fs::read(folder.join(name)).ok());
+    let texts = [report, html, tables::csv(&findings), json];
+    for (name, text) in TEXTS.iter().zip(texts) {
         write_text(&folder.join(name), &text)?;
     }
     messages.note(format_args!("{:.0} s in all", study.spent()));
-    let written = ["report.md", "results.csv", "results.json"].into_iter().chain(pictures);
+    let written = TEXTS.into_iter().chain(pictures);
     out(&written.map(|name| folder.join(name).display().to_string()).collect::<Vec<_>>().join("\n"))?;
     let sound = findings.failed.is_empty() && findings.rows.iter().all(|row| row.same_bits);
     Ok(if sound { Outcome::Done } else { Outcome::CheckFailed })
+}
+
+/// Makes the runs of a plan, with progress.
+fn run(study: &mut Study<'_>, plan: &Plan, messages: &Messages) -> anyhow::Result<()> {
+    let runs = plan.tasks.iter().map(|task| task.repeats as u64).sum();
+    let bar = progress::bar(messages, "runs", runs);
+    study.run(plan, &mut |progress| match progress {
+        Progress::Planned { runs, known } => {
+            bar.inc(*known as u64);
+            let text = match known {
+                0 => format!("{runs} runs planned"),
+                _ => format!("going on with the study: {known} of {runs} runs are there"),
+            };
+            bar.suspend(|| messages.note(text));
+        }
+        Progress::Begins(choice) => bar.set_message(choice.key()),
+        Progress::Ended => bar.inc(1),
+    })?;
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// Name of the processor, where the system tells it, and a comma.
+fn processor() -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or(String::new(), |(_, name)| format!("{}, ", name.trim()))
 }
 
 fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
@@ -205,8 +232,7 @@ fn make_room(folder: &Path, overwrite: bool) -> anyhow::Result<()> {
     if !overwrite {
         return Ok(());
     }
-    let files = ["report.md", "results.csv", "results.json", plots::ERROR_TIME, plots::ORDERS, plots::PITCHES];
-    let files = files.into_iter().chain([plots::SURFACES, FILE]).map(|name| folder.join(name));
+    let files = TEXTS.into_iter().chain(plots::ALL).chain([FILE]).map(|name| folder.join(name));
     for file in files.filter(|file| file.exists()) {
         fs::remove_file(&file).with_context(|| format!("{}: could not be removed", file.display()))?;
     }

@@ -71,7 +71,7 @@ pub struct Row {
     pub energy_error: Option<f64>,
     /// Largest difference of momentum from the same \[kg m/s\].
     pub momentum_error: Option<f64>,
-    /// Distance of the surfaces at the end from those of the finest run of all.
+    /// Distance of the surfaces at the end from those of the finest run of all; `None` for that run.
     pub surface: Option<SurfaceDistance>,
 }
 
@@ -216,7 +216,8 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
     }
     let space_law = space_errors(&mut levels);
 
-    let finest_surface = finest_run(&done, plan).and_then(|choice| surface_of(study, choice, Resolution::Volume));
+    let finest_choice = finest_run(&done, plan);
+    let finest_surface = finest_choice.and_then(|choice| surface_of(study, choice, Resolution::Volume));
     let finest_surface = finest_surface.and_then(|surface| Measured::new(surface.meshes.iter().map(|m| &m.mesh)));
     let mut rows = Vec::new();
     for (task, run) in &done {
@@ -242,7 +243,10 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
         seconds.sort_by(f64::total_cmp);
         let same_bits = study.ledger().runs().all(|other| other.choice != task.choice || other.bits == run.bits);
         let judged = finest_of_pitch.filter(|_| !is_finest);
-        let surface = surface_of(study, &task.choice, Resolution::Volume)
+        let drawn = (finest_choice != Some(&task.choice))
+            .then(|| surface_of(study, &task.choice, Resolution::Volume))
+            .flatten();
+        let surface = drawn
             .and_then(|surface| Measured::new(surface.meshes.iter().map(|mesh| &mesh.mesh)))
             .zip(finest_surface.as_ref())
             .map(|(own, finest)| own.distance(finest));

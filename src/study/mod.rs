@@ -14,6 +14,7 @@
 
 pub mod choice;
 pub mod deviation;
+pub mod html;
 pub mod judge;
 pub mod ledger;
 pub mod order;

@@ -11,7 +11,7 @@ const STEPPING: f64 = 0.75;
 /// Share of that for the first runs of the scene's own pitch.
 const BASE: f64 = 0.6;
 /// Cuts, contact and divided steps make a run longer than its first steps promise.
-const SLACK: f64 = 1.2;
+pub(super) const SLACK: f64 = 1.2;
 
 /// What a study is asked to try.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,7 +92,13 @@ pub struct Plan {
 /// Plans a study. `None` when no pitch can be had, or no integrator is known.
 ///
 /// - `probes`: what a step of each pitch costs; those that failed are left out.
-pub fn plan(probes: &[ProbeLine], options: &Options, scene_pitch_mm: f64) -> Option<Plan> {
+/// - `known`: whether a choice has been run already; such a one stays.
+pub fn plan(
+    probes: &[ProbeLine],
+    options: &Options,
+    scene_pitch_mm: f64,
+    known: &dyn Fn(&Choice) -> bool,
+) -> Option<Plan> {
     let levels: Vec<&ProbeLine> = probes.iter().filter(|probe| probe.failed.is_none()).collect();
     let away = |level: &ProbeLine| (level.pitch_mm / scene_pitch_mm).ln().abs();
     let base = *levels.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
@@ -102,6 +108,7 @@ pub fn plan(probes: &[ProbeLine], options: &Options, scene_pitch_mm: f64) -> Opt
     let judge = *methods.iter().rev().max_by(|a, b| a.order.total_cmp(&b.order))?;
     let mut planner = Planner {
         left: STEPPING * options.budget_seconds,
+        known,
         plan: Plan { tasks: Vec::new(), left_out: Vec::new(), base_mm: base.pitch_mm, judge },
     };
     let mut finenesses = options.finenesses.clone();
@@ -117,8 +124,11 @@ pub fn plan(probes: &[ProbeLine], options: &Options, scene_pitch_mm: f64) -> Opt
         let of = |method: &&Method| ladder.iter().map(|&fineness| cost(base, method, fineness)).sum::<f64>();
         methods.iter().map(of).sum::<f64>()
     };
-    while ladder.len() > 2 && total(&ladder) > BASE * planner.left {
-        let fineness = ladder.pop().unwrap_or(most);
+    while let [.., _, _, fineness] = ladder[..]
+        && total(&ladder) > BASE * planner.left
+        && !known(&choice(base, judge, fineness, usual))
+    {
+        ladder.pop();
         planner.leave_out(base, judge, fineness, usual);
     }
     let reference = *ladder.last()?;
@@ -164,30 +174,31 @@ fn cost(level: &ProbeLine, method: &Method, fineness: f64) -> f64 {
     SLACK * steps * level.step_seconds + level.other_seconds
 }
 
-struct Planner {
+fn choice(level: &ProbeLine, method: &Method, fineness: f64, exact: bool) -> Choice {
+    Choice { integrator: method.name.to_owned(), pitch_mm: level.pitch_mm, fineness, exact }
+}
+
+struct Planner<'a> {
     /// Time that is not planned yet \[s\].
     left: f64,
+    known: &'a dyn Fn(&Choice) -> bool,
     plan: Plan,
 }
 
-impl Planner {
-    fn choice(level: &ProbeLine, method: &Method, fineness: f64, exact: bool) -> Choice {
-        Choice { integrator: method.name.to_owned(), pitch_mm: level.pitch_mm, fineness, exact }
-    }
-
+impl Planner<'_> {
     fn leave_out(&mut self, level: &ProbeLine, method: &Method, fineness: f64, exact: bool) {
-        let choice = Self::choice(level, method, fineness, exact);
+        let choice = choice(level, method, fineness, exact);
         self.plan.left_out.push(LeftOut { choice, seconds: cost(level, method, fineness) });
     }
 
     /// Plans a run if there is time, or in any case.
     fn take(&mut self, level: &ProbeLine, method: &Method, fineness: f64, exact: bool, reference: bool, always: bool) {
         let seconds = cost(level, method, fineness);
-        if !always && seconds > self.left {
+        let choice = choice(level, method, fineness, exact);
+        if !always && seconds > self.left && !(self.known)(&choice) {
             return self.leave_out(level, method, fineness, exact);
         }
         self.left -= seconds;
-        let choice = Self::choice(level, method, fineness, exact);
         self.plan.tasks.push(Task { choice, repeats: 1, reference, seconds });
     }
 }
@@ -206,7 +217,7 @@ mod tests {
         let total = |plan: &Plan| plan.tasks.iter().map(|task| task.seconds * task.repeats as f64).sum::<f64>();
         let mut before = 0;
         for budget_seconds in [10.0, 60.0, 600.0] {
-            let plan = plan(&probes, &Options { budget_seconds, ..Options::default() }, 3.0).unwrap();
+            let plan = plan(&probes, &Options { budget_seconds, ..Options::default() }, 3.0, &|_| false).unwrap();
             assert_eq!(plan.base_mm, 3.0);
             assert!(total(&plan) <= budget_seconds, "{} of {budget_seconds}", total(&plan));
             let asked = plan.tasks.len() + plan.left_out.len();
@@ -214,7 +225,7 @@ mod tests {
             assert!(plan.tasks.len() > before, "more time, more runs");
             before = plan.tasks.len();
         }
-        let all = plan(&probes, &Options { budget_seconds: 1e4, ..Options::default() }, 3.0).unwrap();
+        let all = plan(&probes, &Options { budget_seconds: 1e4, ..Options::default() }, 3.0, &|_| false).unwrap();
         assert!(all.left_out.is_empty());
         let reference = |pitch: f64| {
             let of = all.tasks.iter().filter(|task| task.reference && task.choice.pitch_mm == pitch);
@@ -225,10 +236,20 @@ mod tests {
     }
 
     #[test]
+    fn what_was_run_stays() {
+        let probes = [probe(3.0, 1e-2), probe(2.25, 4e-2)];
+        let options = Options { budget_seconds: 10.0, ..Options::default() };
+        let short = plan(&probes, &options, 3.0, &|_| false).unwrap();
+        assert!(short.left_out.len() > 3, "{short:?}");
+        let kept = plan(&probes, &options, 3.0, &|_| true).unwrap();
+        assert!(kept.left_out.is_empty(), "{kept:?}");
+    }
+
+    #[test]
     fn pitches_that_failed_are_not_planned() {
         let lost = ProbeLine { failed: Some("no voxel is left".into()), ..probe(9.0, 1e-3) };
-        assert_eq!(plan(&[lost.clone()], &Options::default(), 3.0), None);
-        let plan = plan(&[lost, probe(3.0, 1e-3)], &Options::default(), 3.0).unwrap();
+        assert_eq!(plan(&[lost.clone()], &Options::default(), 3.0, &|_| false), None);
+        let plan = plan(&[lost, probe(3.0, 1e-3)], &Options::default(), 3.0, &|_| false).unwrap();
         assert!(plan.tasks.iter().all(|task| task.choice.pitch_mm == 3.0));
     }
 }

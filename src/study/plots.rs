@@ -16,6 +16,8 @@ pub const ORDERS: &str = "orders.png";
 pub const PITCHES: &str = "pitches.png";
 /// Distance of surfaces against the time to draw them.
 pub const SURFACES: &str = "surfaces.png";
+/// All of them.
+pub const ALL: [&str; 4] = [ERROR_TIME, ORDERS, PITCHES, SURFACES];
 
 /// Time \[s\] and relative error (rms) of a row: of step and pitch where the pitch's is known, else of the step.
 pub fn point(row: &Row, findings: &Findings) -> Option<[f64; 2]> {
@@ -91,6 +93,10 @@ fn kinds(findings: &Findings) -> Vec<(String, Vec<&Row>)> {
             None => kinds.push((name, vec![row])),
         }
     }
+    kinds.sort_by(|a, b| {
+        let of = |kind: &(String, Vec<&Row>)| kind.1.first().map_or(0.0, |row| row.choice.pitch_mm);
+        of(b).total_cmp(&of(a))
+    });
     kinds
 }
 

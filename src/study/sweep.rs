@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::choice::{Choice, at_pitch};
 use super::ledger::{Ledger, LedgerError, Line, ProbeLine, RunLine, SkippedLine, Subject};
-use super::plan::{Options, PITCHES, Plan, plan};
+use super::plan::{Options, PITCHES, Plan, SLACK, plan};
 use super::rounding;
 use crate::dynamics::World;
 use crate::dynamics::timeline::{Event, Timeline, TimelineError};
@@ -145,7 +145,8 @@ impl<'a> Study<'a> {
         self.spent_before + self.began.elapsed().as_secs_f64()
     }
 
-    /// Times a step of every pitch, where that is not known yet, and plans the runs.
+    /// Times a step of every pitch, where that is not known yet, and plans the runs. What runs took is a better guess than the probe,
+    /// so that a plan made after some runs may hold more of them; it holds all that were made.
     ///
     /// # Errors
     /// If no pitch can be had.
@@ -158,12 +159,24 @@ impl<'a> Study<'a> {
                 self.ledger.push(Line::Probe(probe))?;
             }
         }
-        let probes: Vec<ProbeLine> =
-            self.ledger.probes().filter(|probe| pitches.contains(&probe.pitch_mm)).cloned().collect();
-        plan(&probes, &self.options, self.scene_pitch_mm).ok_or_else(|| {
-            let why: Vec<String> = probes.into_iter().filter_map(|probe| probe.failed).collect();
+        let probes = self.ledger.probes().filter(|probe| pitches.contains(&probe.pitch_mm));
+        let probes: Vec<ProbeLine> = probes.map(|probe| self.learned(probe)).collect();
+        let known = |choice: &Choice| self.ledger.has(choice, 0);
+        plan(&probes, &self.options, self.scene_pitch_mm, &known).ok_or_else(|| {
+            let why: Vec<String> = probes.iter().filter_map(|probe| probe.failed.clone()).collect();
             StudyError::NoPitch { why: why.join("; ") }
         })
+    }
+
+    /// A probe with what runs of its pitch took.
+    fn learned(&self, probe: &ProbeLine) -> ProbeLine {
+        let (mut seconds, mut steps) = (0.0, 0);
+        for run in self.ledger.runs().filter(|run| run.choice.pitch_mm == probe.pitch_mm && run.failed.is_none()) {
+            seconds += run.seconds;
+            steps += run.evaluations;
+        }
+        let step_seconds = if steps > 0 { seconds / steps as f64 / SLACK } else { probe.step_seconds };
+        ProbeLine { step_seconds, ..probe.clone() }
     }
 
     fn probe(&mut self, pitch_mm: f64) -> ProbeLine {
