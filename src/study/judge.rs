@@ -26,6 +26,10 @@ use crate::store::ReadRunError;
 
 /// An error this many times larger than the doubt about its reference is resolved.
 const RESOLVED: f64 = 10.0;
+/// One this many times larger still shows an order: the doubt is that about the limit before the last.
+const SHOWS_ORDER: f64 = 4.0;
+/// A run with a larger share of divided steps does not have the step it was given.
+const DIVIDED: f64 = 0.05;
 
 /// Two sizes of an error \[mm\].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -49,6 +53,8 @@ pub struct Row {
     pub dt_s: f64,
     /// Steps taken.
     pub steps: u64,
+    /// Those that were divided, where the tissue was deformed too far for the step.
+    pub divided: u64,
     /// Computations of all forces.
     pub evaluations: u64,
     /// Springs severed.
@@ -61,6 +67,8 @@ pub struct Row {
     pub time_error: Option<Deviation>,
     /// Whether that is ten times the doubt about the reference.
     pub time_resolved: bool,
+    /// Whether the row may show the order of its integrator: its error is clear enough, and its steps were not divided.
+    pub shows_order: bool,
     /// Error of its pitch, estimated.
     pub space_error: Option<Sizes>,
     /// Sum of both.
@@ -98,7 +106,7 @@ pub struct Level {
     pub extrapolated: bool,
     /// Doubt about its reference.
     pub doubt: Option<Deviation>,
-    /// Power of the step that the time errors follow, of rms; of rows that are resolved.
+    /// Power of the step that the time errors (rms) follow, of rows that show it.
     pub time_order: Option<PowerLaw>,
     /// Its reference against that of the finest pitch.
     pub from_finest: Option<Deviation>,
@@ -176,7 +184,9 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
         let read =
             |run: &&&(&Task, &RunLine)| Ok((run.0.choice.fineness, Track::read(&study.run_folder(&run.0.choice))?));
         let runs = last.iter().map(|run| read(&run)).collect::<Result<Vec<_>, ReadRunError>>()?;
-        if let Some(reference) = Reference::of(runs, study.scene(), plan.judge.order, smooth) {
+        // A step that was divided is not the one that was chosen.
+        let whole = last.iter().all(|(_, run)| run.divided as f64 <= DIVIDED * run.steps as f64);
+        if let Some(reference) = Reference::of(runs, study.scene(), plan.judge.order, smooth && whole) {
             if pitch == plan.base_mm {
                 smooth = reference.extrapolated;
             }
@@ -256,12 +266,21 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
             particles: run.particles,
             dt_s: run.dt_s,
             steps: run.steps,
+            divided: run.divided,
             evaluations: run.evaluations,
             severed: run.severed,
             seconds,
             same_bits,
             time_error,
             time_resolved,
+            shows_order: match (&time_error, &doubt) {
+                (Some(error), Some(doubt)) => {
+                    !is_finest
+                        && error.rms_mm >= SHOWS_ORDER * doubt.rms_mm
+                        && run.divided as f64 <= DIVIDED * run.steps as f64
+                }
+                _ => false,
+            },
             space_error,
             error,
             volume_error: judged.map(|finest| furthest(&run.volume, &finest.volume)),
@@ -281,7 +300,7 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
         let own = |row: &&Row| {
             row.choice.pitch_mm == level.pitch_mm
                 && row.choice.integrator == plan.judge.name
-                && row.time_resolved
+                && row.shows_order
                 && row.choice.exact == usual
         };
         let points: Vec<[f64; 2]> =
@@ -308,8 +327,12 @@ fn furthest(found: &[f64], expected: &[f64]) -> f64 {
 
 /// Estimates the error of every pitch from how far each is from the finest.
 fn space_errors(levels: &mut [Level]) -> Option<SpaceLaw> {
-    /// Powers beyond are taken as noise.
-    const ORDERS: [f64; 2] = [0.4, 4.0];
+    /// Regions and cuts take in a little more or less tissue at each pitch: distances are known to about this share.
+    const NOISE: f64 = 0.07;
+    /// What distances that noisy leave open is settled for powers near 1, within about this share.
+    const NEAR_ONE: f64 = 0.4;
+    /// A power that leaves distances this far from it, relative, is none.
+    const NO_POWER: f64 = 0.2;
     let finest = levels.last()?.pitch_mm;
     let seen: Vec<[f64; 3]> = levels
         .iter()
@@ -325,10 +348,10 @@ fn space_errors(levels: &mut [Level]) -> Option<SpaceLaw> {
         let mean = logs.iter().sum::<f64>() / logs.len() as f64;
         logs.iter().map(|log| (log - mean).powi(2)).sum::<f64>()
     };
-    let orders = (0..=360).map(|n| ORDERS[0] + f64::from(n) * 0.01);
-    let best = orders.min_by(|&a, &b| spread(a).total_cmp(&spread(b))).unwrap_or(1.0);
-    let inside = best > ORDERS[0] + 0.02 && best < ORDERS[1] - 0.02;
-    let found = seen.len() > 1 && inside;
+    let unlikely = |order: f64| spread(order) / NOISE.powi(2) + (order.ln() / NEAR_ONE).powi(2);
+    let orders = (40..=400).map(|n| f64::from(n) * 0.01);
+    let best = orders.min_by(|&a, &b| unlikely(a).total_cmp(&unlikely(b))).unwrap_or(1.0);
+    let found = seen.len() > 1 && spread(best) < NO_POWER.powi(2) * seen.len() as f64;
     let order = if found { best } else { 1.0 };
     let factor = |part: usize| {
         let logs = seen.iter().map(|seen| (seen[part] / (seen[0].powf(order) - finest.powf(order))).ln());
@@ -365,10 +388,12 @@ mod tests {
         let seen = |h: f64| level(h, Some(error(h) - error(2.25)));
         let mut levels = [seen(6.0), seen(4.5), seen(3.0), level(2.25, None)];
         let law = space_errors(&mut levels).unwrap();
-        assert!(law.found && (law.order - 1.5).abs() < 0.02, "{law:?}");
+        assert!(law.found && (law.order - 1.5).abs() < 0.12, "{law:?}");
         for level in levels {
             let Sizes { max_mm, rms_mm } = level.space_error.unwrap();
-            assert!((rms_mm / error(level.pitch_mm) - 1.0).abs() < 0.03, "{rms_mm}");
+            // Leaning towards a power of 1 makes errors a little too large.
+            let ratio = rms_mm / error(level.pitch_mm);
+            assert!(ratio > 0.97 && ratio < 1.15, "{ratio}");
             assert!((max_mm / rms_mm - 5.0).abs() < 1e-9);
         }
     }
@@ -380,5 +405,8 @@ mod tests {
         assert!(!law.found && law.order == 1.0);
         assert!((levels[0].space_error.unwrap().rms_mm - 0.2).abs() < 1e-12);
         assert_eq!(space_errors(&mut [level(3.0, None)]), None);
+        // Nearer at a coarser pitch: no power does that.
+        let mut levels = [level(20.0, Some(9.1)), level(15.0, Some(2.6)), level(10.0, Some(3.2)), level(7.5, None)];
+        assert!(!space_errors(&mut levels).unwrap().found);
     }
 }

@@ -19,6 +19,9 @@ pub const SURFACES: &str = "surfaces.png";
 /// All of them.
 pub const ALL: [&str; 4] = [ERROR_TIME, ORDERS, PITCHES, SURFACES];
 
+/// A choice is ringed when it is better by this share than all that are faster.
+const GAIN: f64 = 0.02;
+
 /// Time \[s\] and relative error (rms) of a row: of step and pitch where the pitch's is known, else of the step.
 pub fn point(row: &Row, findings: &Findings) -> Option<[f64; 2]> {
     let error = match (row.error, row.time_error, &findings.space_law) {
@@ -58,7 +61,7 @@ fn grid(findings: &Findings) -> impl Iterator<Item = &Row> {
 
 fn error_time(findings: &Findings) -> Plot {
     let points: Vec<[f64; 2]> = grid(findings).filter_map(|row| point(row, findings)).collect();
-    let best = front(&points).into_iter().map(|n| points[n]).collect();
+    let best = front(&points, GAIN).into_iter().map(|n| points[n]).collect();
     let mut series = vec![Series { name: "worth their time".to_owned(), points: best, stroke: Stroke::Rings }];
     series.extend(kinds(findings).into_iter().map(|(name, rows)| {
         let mut points: Vec<[f64; 2]> = rows.into_iter().filter_map(|row| point(row, findings)).collect();
@@ -106,8 +109,8 @@ fn orders(findings: &Findings) -> Plot {
         let of = |row: &&Row| Some([row.dt_s, row.time_error?.rms_mm]).filter(|p| p[1] > 0.0);
         let mut points: Vec<[f64; 2]> = rows.iter().filter_map(of).collect();
         points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let resolved: Vec<[f64; 2]> = rows.iter().filter(|row| row.time_resolved).filter_map(of).collect();
-        let slope = fit(&resolved).map_or(String::new(), |law| format!(", order {:.2}", law.slope));
+        let clear: Vec<[f64; 2]> = rows.iter().filter(|row| row.shows_order).filter_map(of).collect();
+        let slope = fit(&clear).map_or(String::new(), |law| format!(", order {:.2}", law.slope));
         series.push(Series { name: format!("{name}{slope}"), points, stroke: Stroke::Marked });
     }
     series.retain(|series| !series.points.is_empty());

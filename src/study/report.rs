@@ -125,7 +125,7 @@ fn write_page(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Pl
         writeln!(text, "\n## All choices\n\n![Error against time]({ERROR_TIME})\n")?;
         writeln!(
             text,
-            "The ringed choices are worth their time: nothing is both faster and better. All numbers are in `results.csv` and \
+            "The ringed choices are worth their time: they are better by 2 % or more than all that are faster. All numbers are in `results.csv` and \
              `results.json`; each run is a run directory, so `yawara render {}/runs/{} -o picture.png` shows one.",
             page.folder,
             findings.rows.first().map_or(String::new(), |row| row.choice.key())
@@ -157,7 +157,7 @@ fn summary(findings: &Findings) -> Vec<String> {
     if let Some(law) = base.and_then(|level| level.time_order) {
         let points: Vec<[f64; 2]> = rows
             .iter()
-            .filter(|row| row.time_resolved && !row.choice.exact)
+            .filter(|row| row.shows_order && row.choice.exact == rows[0].choice.exact)
             .filter_map(|row| Some([row.time_error?.rms_mm, row.least_seconds()]))
             .collect();
         let digit = fit(&points).map_or(String::new(), |cost| {
@@ -266,9 +266,10 @@ fn steps(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Result
         let share = |value: &Option<f64>| value.map_or("-".to_owned(), percent);
         let surface = surface.map_or("-".to_owned(), |s| format!("{}, {}", two(s.mean_mm), two(s.hausdorff_mm)));
         let reference = if row.reference { " (reference)" } else { "" };
+        let divided = if row.divided > 0 { format!(" ({} divided)", row.divided) } else { String::new() };
         writeln!(
             text,
-            "| {}{reference} | {} | {steps} | {} ({}) | {rms} | {most} | {max} | {} | {} | {surface} |",
+            "| {}{reference} | {} | {steps}{divided} | {} ({}) | {rms} | {most} | {max} | {} | {} | {surface} |",
             described(choice),
             seconds(*dt_s),
             seconds(row.least_seconds()),
@@ -282,7 +283,11 @@ fn steps(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Result
     }
     for level in findings.levels.iter() {
         if let Level { pitch_mm, time_order: Some(law), .. } = level {
-            writeln!(text, "\nObserved order at {pitch_mm} mm: {:.2}.", law.slope)?;
+            writeln!(
+                text,
+                "\nObserved order at {pitch_mm} mm: {:.2}, of errors at least four times the doubt and steps that were not divided.",
+                law.slope
+            )?;
         }
     }
     Ok(())

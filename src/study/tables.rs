@@ -9,7 +9,7 @@ use super::ledger::{Ledger, RoundingLine, SurfaceLine};
 use super::plan::Plan;
 
 /// Columns of the table, with units.
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 29] = [
     "integrator",
     "pitch_mm",
     "fineness",
@@ -18,6 +18,7 @@ const COLUMNS: [&str; 28] = [
     "particles",
     "dt_s",
     "steps",
+    "divided_steps",
     "force_evaluations",
     "severed_springs",
     "seconds_min",
@@ -66,6 +67,7 @@ fn fields(row: &Row, largest_mm: f64) -> Vec<String> {
         row.particles.to_string(),
         number(Some(row.dt_s)),
         row.steps.to_string(),
+        row.divided.to_string(),
         row.evaluations.to_string(),
         row.severed.to_string(),
         number(Some(row.least_seconds())),
