@@ -132,6 +132,11 @@ pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::
     let options = arguments.options()?;
     let (scene, warnings) = crate::scene::load(&arguments.scene, &Files)?;
     warnings.iter().for_each(|warning| messages.warning(warning));
+    if let Some(dt) = scene.time.dt {
+        messages.note(format_args!(
+            "the scene asks for steps of {dt:e} s; the study counts from the largest stable step of each pitch instead (--steps)"
+        ));
+    }
     let folder = &arguments.output;
     make_room(folder, arguments.overwrite)?;
     let inputs = inputs::load(&scene)?;

@@ -16,7 +16,7 @@ pub struct Method {
     pub evaluations: u64,
 }
 
-/// All integrators there are.
+/// All integrators there are. One more takes a line here, and its name in the scene that [`Choice::apply`] makes.
 pub const METHODS: &[Method] = &[Method { name: "symplectic_euler", order: 1.0, evaluations: 1 }];
 
 /// One point of the grid of choices.

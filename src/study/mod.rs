@@ -14,6 +14,7 @@
 
 pub mod choice;
 pub mod deviation;
+pub mod findings;
 pub mod html;
 pub mod judge;
 pub mod ledger;
@@ -24,6 +25,7 @@ pub mod plots;
 pub mod reference;
 pub mod report;
 pub mod rounding;
+pub mod space;
 pub mod surface_distance;
 pub mod surfaces;
 pub mod sweep;

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use super::judge::{Findings, Row};
+use super::findings::{Findings, Row};
 use super::ledger::SurfaceLine;
 use super::order::fit;
 use super::pareto::front;
+use super::surface_distance::SurfaceDistance;
+use super::surfaces::LATTICE;
 use crate::plot::{Axis, Plot, PlotError, Series, Stroke};
 
 /// Error against time of all choices, one colour for each pitch, with the front.
@@ -147,21 +149,22 @@ fn pitches(findings: &Findings) -> Plot {
 }
 
 fn surface_times(surfaces: &[&SurfaceLine]) -> Plot {
-    let points = |part: fn(&super::surface_distance::SurfaceDistance) -> f64| -> Vec<[f64; 2]> {
-        let points = surfaces.iter().filter_map(|line| Some([line.seconds, part(&line.distance?)]));
-        let mut points: Vec<[f64; 2]> = points.filter(|p| p.iter().all(|&x| x > 0.0)).collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        points
+    type Part = fn(&SurfaceDistance) -> f64;
+    let parts: [(&str, Part); 2] = [("Hausdorff", |d| d.hausdorff_mm), ("mean", |d| d.mean_mm)];
+    let points = |of_lattice: bool, part: Part| -> Vec<[f64; 2]> {
+        let own = surfaces.iter().filter(|line| (line.resolution == LATTICE) == of_lattice);
+        let points = own.filter_map(|line| Some([line.seconds, part(&line.distance?)]));
+        points.filter(|point| point.iter().all(|&x| x > 0.0)).collect()
     };
-    let mut series = vec![
-        Series { name: "Hausdorff".to_owned(), points: points(|d| d.hausdorff_mm), stroke: Stroke::Marked },
-        Series { name: "mean".to_owned(), points: points(|d| d.mean_mm), stroke: Stroke::Marked },
-    ];
-    series.retain(|series| !series.points.is_empty());
+    // From coarse to fine, as they were measured.
+    let fine = parts.map(|(name, part)| (name.to_owned(), points(false, part), Stroke::Marked));
+    let lattice = parts.map(|(name, part)| (format!("{name}, of the lattice"), points(true, part), Stroke::Discs));
+    let all = fine.into_iter().chain(lattice);
+    let series = all.filter(|(_, points, _)| !points.is_empty());
     Plot {
         title: "Distance from the finest surface against time".to_owned(),
         x: Axis::logarithmic("time to draw a frame", "s"),
         y: Axis::logarithmic("distance", "mm"),
-        series,
+        series: series.map(|(name, points, stroke)| Series { name, points, stroke }).collect(),
     }
 }

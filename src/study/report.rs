@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::choice::Choice;
-use super::judge::{Findings, Level, Row};
+use super::findings::{Findings, Level, Row};
 use super::ledger::Ledger;
 use super::order::fit;
 use super::pareto::cheapest;
@@ -285,7 +285,7 @@ fn steps(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Result
         if let Level { pitch_mm, time_order: Some(law), .. } = level {
             writeln!(
                 text,
-                "\nObserved order at {pitch_mm} mm: {:.2}, of errors at least four times the doubt and steps that were not divided.",
+                "\nObserved order at {pitch_mm} mm: {:.2}, of errors clear of the doubt and steps that were not divided.",
                 law.slope
             )?;
         }

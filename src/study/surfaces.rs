@@ -13,6 +13,8 @@ use crate::store::RunReader;
 use crate::surface::check::check;
 use crate::surface::mesh::OrganMesh;
 
+/// Name of the resolution of the lattice.
+pub const LATTICE: &str = "lattice";
 /// How often a surface is drawn, to time it.
 const REPEATS: usize = 3;
 /// A reference that would have more triangles than this is taken less fine.
@@ -54,7 +56,7 @@ pub fn measure(study: &mut Study<'_>, choice: &Choice) -> Result<(), LedgerError
     let by_voxel = || RESOLUTIONS.map(|share| share * voxel).to_vec();
     let mut spacings = study.options().resolutions_mm.clone().unwrap_or_else(by_voxel);
     spacings.sort_by(|a, b| b.total_cmp(a));
-    let mut list = vec![("lattice".to_owned(), Resolution::Lattice)];
+    let mut list = vec![(LATTICE.to_owned(), Resolution::Lattice)];
     list.extend(spacings.iter().map(|&spacing| (format!("{spacing}"), Resolution::Spacing(spacing))));
     let Some(&finest) = spacings.last() else { return Ok(()) };
     let Some(fine) = surface_of(study, choice, Resolution::Spacing(finest)) else { return Ok(()) };

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::judge::{Findings, Row};
+use super::findings::{Findings, Row};
 use super::ledger::{Ledger, RoundingLine, SurfaceLine};
 use super::plan::Plan;
 

@@ -79,7 +79,7 @@ fn a_study_says_what_accuracy_costs_and_goes_on_where_it_was() {
 
     // Interrupted while the last lines were written: only what is missing is run, and comes to the same errors.
     let lines = String::from_utf8(folder.read("s/results.jsonl")).unwrap();
-    let last_runs = lines.match_indices("{\"run\":").map(|(at, _)| at).nth(5).unwrap();
+    let last_runs = lines.match_indices("{\"run\":{").map(|(at, _)| at).nth(5).unwrap();
     folder.write("s/results.jsonl", &lines[..last_runs + 30]);
     folder.yawara(&STUDY).done().says(&["5 of 7 runs are there"]);
     let again = json("s/results.json");
@@ -103,7 +103,7 @@ fn a_study_says_what_accuracy_costs_and_goes_on_where_it_was() {
 #[test]
 fn a_budget_that_is_too_short_is_kept_and_said() {
     let folder = Folder::new();
-    folder.write("block.toml", &BLOCK.replace("duration = 0.06", "duration = 20"));
+    folder.write("block.toml", BLOCK.replace("duration = 0.06", "duration = 20"));
     let begun = std::time::Instant::now();
     let call = ["study", "block.toml", "-o", "s", "--pitches", "10", "--budget", "0.05"];
     folder.yawara(&call).done().says(&["left out"]);
