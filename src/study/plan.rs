@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn pitches_that_failed_are_not_planned() {
         let lost = ProbeLine { failed: Some("no voxel is left".into()), ..probe(9.0, 1e-3) };
-        assert_eq!(plan(&[lost.clone()], &Options::default(), 3.0, &|_| false), None);
+        assert_eq!(plan(std::slice::from_ref(&lost), &Options::default(), 3.0, &|_| false), None);
         let plan = plan(&[lost, probe(3.0, 1e-3)], &Options::default(), 3.0, &|_| false).unwrap();
         assert!(plan.tasks.iter().all(|task| task.choice.pitch_mm == 3.0));
     }
