@@ -160,9 +160,13 @@ impl<'a> Judge<'a> {
     ) -> Result<Row, ReadRunError> {
         let ladder = self.ladder(task.choice.pitch_mm);
         let track = Track::read(&self.study.run_folder(&task.choice))?;
-        let time_error = reference.filter(|_| ladder.len() > 1).and_then(|reference| reference.deviation(&track));
         // The finest run is no better judged by its own limit than that limit is known.
         let finest = ladder.last().copied().filter(|finest| finest.choice != task.choice);
+        let time_error = reference.filter(|_| ladder.len() > 1).and_then(|reference| {
+            let is_reference = finest.is_none() && !reference.extrapolated;
+            // Its distance from itself says nothing.
+            if is_reference { reference.doubt } else { reference.deviation(&track) }
+        });
         let doubt = reference.and_then(|reference| reference.doubt).filter(|_| finest.is_some());
         let beyond_doubt =
             |times: f64| time_error.zip(doubt).is_some_and(|(error, doubt)| error.rms_mm >= times * doubt.rms_mm);
