@@ -33,6 +33,7 @@
 //! | [`render`] | pictures of surfaces and of the lattice, drawn without a graphics card |
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
+//! | [`study`] | what accuracy costs in time, for any scene |
 //! | [`verify`] | what the program promises, tried out |
 //! | [`cli`] | the command line |
 //!
@@ -125,6 +126,7 @@ pub mod render;
 pub mod plot;
 pub mod run;
 
+pub mod study;
 pub mod verify;
 
 pub mod cli;

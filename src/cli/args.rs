@@ -45,6 +45,7 @@ pub(super) enum Command {
     Check(CheckArguments),
     Scene(SceneArguments),
     Verify(VerifyArguments),
+    Study(super::study::StudyArguments),
     #[command(subcommand)]
     Bench(BenchCommand),
     /// Print a completion script for a shell.

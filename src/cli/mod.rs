@@ -22,6 +22,7 @@ mod scene;
 mod scene_facts;
 mod slice;
 mod source;
+mod study;
 mod surface;
 mod verify;
 mod volume;
@@ -70,6 +71,7 @@ fn dispatch(command: Command, messages: &Messages) -> anyhow::Result<Outcome> {
         Command::Mesh(arguments) => mesh::mesh(&arguments, messages),
         Command::Slice(arguments) => slice::slice(&arguments, messages),
         Command::Render(arguments) => render::render(&arguments, messages),
+        Command::Study(arguments) => study::study(&arguments, messages),
         Command::Verify(arguments) => verify::verify(&arguments, messages),
         Command::Volume(arguments) => volume::volume(&arguments, messages),
         Command::Phantom(arguments) => phantom::phantom(&arguments),

@@ -14,7 +14,7 @@ use super::progress;
 use super::source::expect_png;
 use crate::dynamics::measure::organ_volume;
 use crate::geometry::Vector3;
-use crate::plot::{Axis, Plot, Series};
+use crate::plot::{Axis, Plot, Series, Stroke};
 use crate::run::meshes::{MeshOptions, Resolution, RunMesher, scene_of};
 use crate::scene::resolved::Body;
 use crate::surface::check::check;
@@ -99,7 +99,7 @@ pub(super) fn volume(arguments: &VolumeArguments, messages: &Messages) -> anyhow
 fn plot(organs: &[Curves], steps: &[u64]) -> Plot {
     let series = |name: String, values: &[Option<f64>]| {
         let points = steps.iter().zip(values).filter_map(|(&step, value)| Some([step as f64, (*value)?]));
-        Series { name, points: points.collect(), marks: false }
+        Series { name, points: points.collect(), stroke: Stroke::Line }
     };
     let names: Vec<&str> = organs.iter().map(|organ| organ.name.as_str()).collect();
     Plot {

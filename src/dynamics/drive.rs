@@ -122,7 +122,7 @@ impl World {
     }
 
     /// True while a hold keeps a particle where it is.
-    pub(super) fn is_held(&self, particle: u32) -> bool {
+    pub(crate) fn is_held(&self, particle: u32) -> bool {
         self.claims_on(self.layout.slot[particle as usize]).holds > 0
     }
 

@@ -104,11 +104,6 @@ impl Canvas {
         }
     }
 
-    /// Draws a filled disc.
-    pub(crate) fn disc(&mut self, center: Place, radius: f64, color: Color) {
-        self.lines(&[[center, center]], 2.0 * radius, color, 1.0);
-    }
-
     /// Writes one line of text whose capital letters are about 0.65 `height` tall; `place` is at mid-height.
     pub(crate) fn text(&mut self, text: &str, place: Place, height: f64, align: Align, color: Color) {
         let block = TextBlock::new(text);

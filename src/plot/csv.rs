@@ -46,13 +46,16 @@ fn field(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Axis, Series};
+    use super::super::{Axis, Series, Stroke};
     use super::*;
 
     #[test]
     fn series_share_their_x() {
-        let series =
-            |name: &str, points: &[[f64; 2]]| Series { name: name.into(), points: points.to_vec(), marks: false };
+        let series = |name: &str, points: &[[f64; 2]]| Series {
+            name: name.into(),
+            points: points.to_vec(),
+            stroke: Stroke::Line,
+        };
         let plot = Plot {
             title: String::new(),
             x: Axis::linear("time", "s"),

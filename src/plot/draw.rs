@@ -2,7 +2,7 @@
 
 use super::canvas::{Align, Canvas, Color, Place, shift, text_width};
 use super::ticks::{Label, Ticks, linear, logarithmic};
-use super::{Axis, Plot, Scale};
+use super::{Axis, Plot, Scale, Series, Stroke};
 
 const INK: Color = [38, 40, 44];
 const GRID: Color = [222, 225, 229];
@@ -63,15 +63,40 @@ pub(super) fn draw(plot: &Plot, width: u32, height: u32) -> image::RgbImage {
     axes(&mut canvas, plot, &frame);
     for (series, color) in plot.series.iter().zip(COLORS.iter().cycle()) {
         let places: Vec<Place> = series.points.iter().map(|&point| frame.place(point)).collect();
-        let segments: Vec<[Place; 2]> = places.windows(2).map(|pair| [pair[0], pair[1]]).collect();
-        canvas.lines(&segments, frame.text / 8.0, *color, 1.0);
-        if series.marks || places.len() == 1 {
-            let dots: Vec<[Place; 2]> = places.iter().map(|&place| [place, place]).collect();
-            canvas.lines(&dots, 0.5 * frame.text, *color, 1.0);
-        }
+        stroke(&mut canvas, &places, series.stroke, frame.text, *color);
     }
     legend(&mut canvas, plot, &frame);
     canvas.picture
+}
+
+/// Draws the points of a series.
+fn stroke(canvas: &mut Canvas, places: &[Place], stroke: Stroke, text: f64, color: Color) {
+    let lines: Vec<[Place; 2]> = places.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+    let dots: Vec<[Place; 2]> = places.iter().map(|&place| [place, place]).collect();
+    match stroke {
+        Stroke::Line | Stroke::Marked => canvas.lines(&lines, text / 8.0, color, 1.0),
+        Stroke::Dashed => canvas.lines(&dashes(&lines, 0.5 * text), text / 12.0, color, 1.0),
+        Stroke::Discs | Stroke::Rings => {}
+    }
+    match stroke {
+        Stroke::Rings => {
+            canvas.lines(&dots, 1.1 * text, color, 1.0);
+            canvas.lines(&dots, 0.85 * text, PAPER, 1.0);
+        }
+        Stroke::Marked | Stroke::Discs => canvas.lines(&dots, 0.5 * text, color, 1.0),
+        Stroke::Line | Stroke::Dashed if places.len() == 1 => canvas.lines(&dots, 0.5 * text, color, 1.0),
+        Stroke::Line | Stroke::Dashed => {}
+    }
+}
+
+/// Every other piece of some lines, each piece about this long [px].
+fn dashes(lines: &[[Place; 2]], length: f64) -> Vec<[Place; 2]> {
+    let of = |&[a, b]: &[Place; 2]| {
+        let pieces = (((b[0] - a[0]).hypot(b[1] - a[1]) / length).min(1e4).ceil() as usize).max(1);
+        let at = move |n: usize| [0, 1].map(|i| a[i] + (b[i] - a[i]) * n as f64 / pieces as f64);
+        (0..pieces).step_by(2).map(move |n| [at(n), at(n + 1)])
+    };
+    lines.iter().flat_map(of).collect()
 }
 
 fn axes(canvas: &mut Canvas, plot: &Plot, frame: &Frame) {
@@ -151,7 +176,12 @@ fn legend(canvas: &mut Canvas, plot: &Plot, frame: &Frame) {
             let (a, b) = (frame.place(pair[0]), frame.place(pair[pair.len() - 1]));
             (0..8).filter(|&part| inside([0, 1].map(|i| a[i] + (b[i] - a[i]) * f64::from(part) / 8.0))).count()
         };
-        plot.series.iter().map(|series| series.points.windows(2).map(along).sum::<usize>()).sum::<usize>()
+        let of = |series: &Series| match series.stroke.joins() {
+            true => series.points.windows(2).map(along).sum::<usize>(),
+            // A mark hides as much as a piece of line.
+            false => series.points.iter().filter(|&&point| inside(frame.place(point))).count() * 8,
+        };
+        plot.series.iter().map(of).sum::<usize>()
     };
     let [x, y] = corners.into_iter().min_by_key(hidden).unwrap_or(corners[0]);
     canvas.fill([x - 1.0, y - 1.0], [x + width + 1.0, y + height + 1.0], GRID, 1.0);
@@ -159,9 +189,19 @@ fn legend(canvas: &mut Canvas, plot: &Plot, frame: &Frame) {
     for (row, (series, color)) in plot.series.iter().zip(COLORS.iter().cycle()).enumerate() {
         let middle = y + (1.4 * row as f64 + 1.0) * text;
         let (from, to) = ([x + 0.7 * text, middle], [x + 2.7 * text, middle]);
-        canvas.lines(&[[from, to]], text / 8.0, *color, 1.0);
-        if series.marks {
-            canvas.disc([f64::midpoint(from[0], to[0]), middle], 0.25 * text, *color);
+        let place = [f64::midpoint(from[0], to[0]), middle];
+        if series.stroke.joins() {
+            stroke(
+                canvas,
+                &[from, to],
+                if series.stroke == Stroke::Dashed { Stroke::Dashed } else { Stroke::Line },
+                text,
+                *color,
+            );
+        }
+        if matches!(series.stroke, Stroke::Marked | Stroke::Discs | Stroke::Rings) {
+            let mark = if series.stroke == Stroke::Marked { Stroke::Discs } else { series.stroke };
+            stroke(canvas, &[place], mark, text, *color);
         }
         canvas.text(&series.name, [x + 3.3 * text, middle], text, Align::Left, INK);
     }

@@ -3,7 +3,7 @@
 //! Text is drawn with the bitmap font that comes with `embedded-graphics`, smoothed: no font of the machine is needed, and the
 //! same data give the same bytes everywhere. Colours are those of Okabe and Ito (2008), told apart by colour-blind readers too.
 //! Characters outside ISO 8859-1 (Greek letters, say; "µ" and "°" are inside) are drawn as "?".
-//! Not a plotting library: one pair of axes, lines with or without marks.
+//! Not a plotting library: one pair of axes, lines with or without marks, and marks alone.
 
 pub mod bars;
 pub(crate) mod canvas;
@@ -57,8 +57,30 @@ pub struct Series {
     pub name: String,
     /// Its points (x, y), joined in this order.
     pub points: Vec<[f64; 2]>,
-    /// Whether each point is marked.
-    pub marks: bool,
+    /// How they are drawn.
+    pub stroke: Stroke,
+}
+
+/// How the points of a series are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stroke {
+    /// As a line.
+    Line,
+    /// As a line with a disc at each point.
+    Marked,
+    /// As a line of dashes: a fit, or a bound.
+    Dashed,
+    /// As discs alone.
+    Discs,
+    /// As rings, wide enough to stand around a disc.
+    Rings,
+}
+
+impl Stroke {
+    /// Whether points are joined.
+    fn joins(self) -> bool {
+        !matches!(self, Self::Discs | Self::Rings)
+    }
 }
 
 /// Why a plot was not made.
@@ -187,7 +209,7 @@ mod tests {
     use super::*;
 
     fn plot(points: Vec<[f64; 2]>) -> Plot {
-        let series = vec![Series { name: "cells".into(), points, marks: false }];
+        let series = vec![Series { name: "cells".into(), points, stroke: Stroke::Line }];
         Plot { title: "Volume".into(), x: Axis::linear("step", ""), y: Axis::logarithmic("error", "mm"), series }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::support::Folder;
 
-const COMMANDS: [&[&str]; 21] = [
+const COMMANDS: [&[&str]; 22] = [
     &[],
     &["demo"],
     &["run"],
@@ -15,6 +15,7 @@ const COMMANDS: [&[&str]; 21] = [
     &["check"],
     &["scene"],
     &["verify"],
+    &["study"],
     &["bench"],
     &["bench", "lattice"],
     &["bench", "surface"],

@@ -11,5 +11,6 @@ mod render;
 mod runs;
 mod same_bits;
 mod scene_facts;
+mod study;
 mod support;
 mod whole_way;

@@ -8,7 +8,7 @@ use super::super::super::args::BenchLaw;
 use super::super::super::messages::out;
 use super::{bodies, measure};
 use crate::kernel::dispatch::Arithmetic;
-use crate::plot::{Axis, Plot, Series};
+use crate::plot::{Axis, Plot, Series, Stroke};
 
 /// Edges of the cubes: from 1e5 to 5e7 particles.
 const EDGES: [usize; 7] = [46, 64, 92, 128, 184, 256, 368];
@@ -52,7 +52,7 @@ pub(super) fn scaling(folder: &Path, law: BenchLaw, arithmetic: Arithmetic) -> a
         .map(|(threads, best)| Series {
             name: format!("{threads} thread{}", if *threads == 1 { "" } else { "s" }),
             points: EDGES.iter().zip(best).map(|(&n, &time)| [(n * n * n) as f64, time]).collect(),
-            marks: true,
+            stroke: Stroke::Marked,
         })
         .collect();
     let plot = Plot {

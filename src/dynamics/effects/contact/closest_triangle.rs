@@ -32,14 +32,14 @@ struct Node {
 }
 
 /// A closed triangle mesh, to be asked for distances.
-pub(super) struct ClosestTriangle {
+pub(crate) struct ClosestTriangle {
     triangles: Vec<Triangle>,
     nodes: Vec<Node>,
 }
 
 impl ClosestTriangle {
     /// - `triangles`: at least one, each with an area, counter-clockwise seen from outside.
-    pub(super) fn new(positions: &[Vector3], triangles: &[[u32; 3]]) -> Self {
+    pub(crate) fn new(positions: &[Vector3], triangles: &[[u32; 3]]) -> Self {
         let corner = |t: &[u32; 3]| t.map(|vertex| positions[vertex as usize]);
         let face = |t: &[u32; 3]| {
             let [a, b, c] = corner(t);
@@ -75,7 +75,7 @@ impl ClosestTriangle {
     /// Signed distance of a place, negative inside.
     ///
     /// - `at_most`: the distance is known not to be larger.
-    pub(super) fn signed_distance(&self, place: Vector3, at_most: f64) -> f64 {
+    pub(crate) fn signed_distance(&self, place: Vector3, at_most: f64) -> f64 {
         // A little more, so that rounding leaves something to find.
         let mut best = (at_most * 1.001).powi(2) + f64::MIN_POSITIVE;
         let mut side = 1.0;

@@ -31,7 +31,7 @@
 //!
 //! Same world, same calls: same bits, at any number of threads.
 
-mod closest_triangle;
+pub(crate) mod closest_triangle;
 mod distance_field;
 mod mesh_distance;
 mod placed;

@@ -1,0 +1,249 @@
+//! `yawara study`: what accuracy costs in time.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+use super::exit::Outcome;
+use super::messages::{Messages, out};
+use super::progress;
+use super::source::Source;
+use crate::io::atomic::write_file;
+use crate::kernel::dispatch::InstructionSet;
+use crate::run::inputs;
+use crate::run::label_lookup::Files;
+use crate::study::choice::METHODS;
+use crate::study::ledger::FILE;
+use crate::study::plan::{Options, Plan};
+use crate::study::report::{Page, markdown};
+use crate::study::sweep::{Progress, RUNS, Study};
+use crate::study::{html, judge, plots, surfaces, tables};
+
+/// What is written beside plots.
+const TEXTS: [&str; 4] = ["report.md", "report.html", "results.csv", "results.json"];
+
+/// Find out what accuracy costs in time: run a scene with other steps, pitches and arithmetic, and measure errors.
+///
+/// Writes results.csv, results.json, plots (PNG), and report.md and report.html, which say in sentences what each digit costs. An interrupted study
+/// goes on where it was; every run is kept as a run directory.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  yawara study fixtures/scenes/liver-ct.toml -o outputs/study --budget 10\n  \
+                        yawara study my.toml -o outputs/study --pitches 4,3,2 --steps 1,2,4")]
+pub(super) struct StudyArguments {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Folder to write to; one that holds the same study is gone on with.
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+    /// Time the study may take [min].
+    #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = positive)]
+    budget: f64,
+    /// Steps to try: how many times shorter than the largest stable step of the pitch.
+    #[arg(long, default_value = "1,2,4,8", value_name = "LIST", value_delimiter = ',', value_parser = positive)]
+    steps: Vec<f64>,
+    /// Pitches to try [mm]; all are compared with the finest [default: 2, 1.5, 1 and 0.75 times that of the scene].
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = positive)]
+    pitches: Option<Vec<f64>>,
+    /// Integrators to try [default: all].
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    integrators: Option<Vec<String>>,
+    /// Arithmetic to try: fast, exact, or both.
+    #[arg(long, default_value = "fast,exact", value_name = "LIST", value_delimiter = ',', value_parser = arithmetic)]
+    arithmetic: Vec<bool>,
+    /// Resolutions of the surface to try [mm] [default: the lattice, and 2, 1 and 1/2 times the voxels].
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = positive)]
+    resolutions: Option<Vec<f64>>,
+    /// How often each choice is run, to time it.
+    #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=100))]
+    repeats: u8,
+    /// Begin anew: what an earlier study left in the folder is removed.
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Reads a number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
+    number.ok_or_else(|| format!("`{text}` is not a number above 0"))
+}
+
+/// Reads whether arithmetic is exact.
+fn arithmetic(text: &str) -> Result<bool, String> {
+    match text.trim() {
+        "fast" => Ok(false),
+        "exact" => Ok(true),
+        other => Err(format!("`{other}` is no arithmetic; expected `fast` or `exact`")),
+    }
+}
+
+impl StudyArguments {
+    fn options(&self) -> anyhow::Result<Options> {
+        let all = || METHODS.iter().map(|method| method.name.to_owned()).collect();
+        let integrators: Vec<String> = self.integrators.clone().unwrap_or_else(all);
+        if let Some(unknown) = integrators.iter().find(|name| METHODS.iter().all(|method| method.name != *name)) {
+            let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
+            bail!("--integrators: there is no `{unknown}`; there is {}", known.join(", "));
+        }
+        Ok(Options {
+            finenesses: self.steps.clone(),
+            pitches_mm: self.pitches.clone(),
+            integrators,
+            exact: self.arithmetic.clone(),
+            resolutions_mm: self.resolutions.clone(),
+            repeats: usize::from(self.repeats),
+            budget_seconds: 60.0 * self.budget,
+            ..Options::default()
+        })
+    }
+
+    /// The command as it can be typed again.
+    fn command(&self) -> String {
+        let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let mut command = format!(
+            "yawara study {} -o {} --budget {} --steps {} --repeats {}",
+            self.scene.display(),
+            self.output.display(),
+            self.budget,
+            list(&self.steps),
+            self.repeats
+        );
+        if let Some(pitches) = &self.pitches {
+            command.push_str(&format!(" --pitches {}", list(pitches)));
+        }
+        if let Some(integrators) = &self.integrators {
+            command.push_str(&format!(" --integrators {}", integrators.join(",")));
+        }
+        let exact: Vec<&str> = self.arithmetic.iter().map(|&exact| if exact { "exact" } else { "fast" }).collect();
+        command.push_str(&format!(" --arithmetic {}", exact.join(",")));
+        if let Some(resolutions) = &self.resolutions {
+            command.push_str(&format!(" --resolutions {}", list(resolutions)));
+        }
+        command
+    }
+}
+
+pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::Result<Outcome> {
+    match Source::of(&arguments.scene)? {
+        Source::Scene | Source::Volume => {}
+        other => return Err(other.refuse(&arguments.scene, "a scene (TOML)")),
+    }
+    let options = arguments.options()?;
+    let (scene, warnings) = crate::scene::load(&arguments.scene, &Files)?;
+    warnings.iter().for_each(|warning| messages.warning(warning));
+    if let Some(dt) = scene.time.dt {
+        messages.note(format_args!(
+            "the scene asks for steps of {dt:e} s; the study counts from the largest stable step of each pitch instead (--steps)"
+        ));
+    }
+    let folder = &arguments.output;
+    make_room(folder, arguments.overwrite)?;
+    let inputs = inputs::load(&scene)?;
+    let mut study = Study::open(&scene, &inputs, folder, options)?;
+    let mut plan = study.plan()?;
+    run(&mut study, &plan, messages)?;
+    // Runs tell better than the probe what fits.
+    for _ in 0..2 {
+        let better = study.plan()?;
+        let more = better.tasks.iter().any(|task| !study.ledger().has(&task.choice, task.repeats - 1));
+        if better.left_out.len() < plan.left_out.len() && more {
+            messages.note("it goes faster than the probe promised: there is time for more");
+            run(&mut study, &better, messages)?;
+        }
+        plan = better;
+    }
+    for left in &plan.left_out {
+        messages.note(format_args!("left out, about {:.0} s: {}", left.seconds, left.choice.key()));
+    }
+    if let Some(first) = plan.tasks.first() {
+        messages.note("measuring surfaces");
+        surfaces::measure(&mut study, &first.choice)?;
+    }
+    messages.note("comparing runs");
+    let Some(findings) = judge::judge(&study, &plan)? else {
+        bail!("{}: no run came to its end; see {FILE} there for why", folder.display());
+    };
+    let lines: Vec<_> = study.ledger().surfaces().collect();
+    let pictures = plots::write(&findings, &lines, folder)?;
+    let name = arguments.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let page = Page {
+        scene: &name,
+        command: &arguments.command(),
+        folder: &folder.display().to_string(),
+        machine: &format!("{}{} threads, {}", processor(), rayon::current_num_threads(), InstructionSet::best().name()),
+        pictures: &pictures,
+        instants: study.options().instants,
+        budget_seconds: study.options().budget_seconds,
+    };
+    let json = serde_json::to_string_pretty(&tables::json(&findings, &plan, study.ledger()))?;
+    let report = markdown(&page, &findings, &plan, study.ledger());
+    let html = html::page(&report, |name| fs::read(folder.join(name)).ok());
+    let texts = [report, html, tables::csv(&findings), json];
+    for (name, text) in TEXTS.iter().zip(texts) {
+        write_text(&folder.join(name), &text)?;
+    }
+    messages.note(format_args!("{:.0} s in all", study.spent()));
+    let written = TEXTS.into_iter().chain(pictures);
+    out(&written.map(|name| folder.join(name).display().to_string()).collect::<Vec<_>>().join("\n"))?;
+    let sound = findings.failed.is_empty() && findings.rows.iter().all(|row| row.same_bits);
+    Ok(if sound { Outcome::Done } else { Outcome::CheckFailed })
+}
+
+/// Makes the runs of a plan, with progress.
+fn run(study: &mut Study<'_>, plan: &Plan, messages: &Messages) -> anyhow::Result<()> {
+    let runs = plan.tasks.iter().map(|task| task.repeats as u64).sum();
+    let bar = progress::bar(messages, "runs", runs);
+    study.run(plan, &mut |progress| match progress {
+        Progress::Planned { runs, known } => {
+            bar.inc(*known as u64);
+            let text = match known {
+                0 => format!("{runs} runs planned"),
+                _ => format!("going on with the study: {known} of {runs} runs are there"),
+            };
+            bar.suspend(|| messages.note(text));
+        }
+        Progress::Begins(choice) => bar.set_message(choice.key()),
+        Progress::Ended => bar.inc(1),
+    })?;
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// Name of the processor, where the system tells it, and a comma.
+fn processor() -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or(String::new(), |(_, name)| format!("{}, ", name.trim()))
+}
+
+fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    write_file(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+        .with_context(|| format!("{}: could not be written", path.display()))
+}
+
+/// Refuses a folder that holds something else than a study, and empties one that is to be begun anew.
+fn make_room(folder: &Path, overwrite: bool) -> anyhow::Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        bail!("{}: is a file; give a folder to write to", folder.display());
+    }
+    let unreadable = || format!("{}: could not be read", folder.display());
+    if !folder.is_dir() || folder.read_dir().with_context(unreadable)?.next().is_none() {
+        return Ok(());
+    }
+    if !folder.join(FILE).is_file() {
+        bail!("{}: holds something else than a study (no {FILE} in it); choose another folder", folder.display());
+    }
+    if !overwrite {
+        return Ok(());
+    }
+    let files = TEXTS.into_iter().chain(plots::ALL).chain([FILE]).map(|name| folder.join(name));
+    for file in files.filter(|file| file.exists()) {
+        fs::remove_file(&file).with_context(|| format!("{}: could not be removed", file.display()))?;
+    }
+    let runs = folder.join(RUNS);
+    if runs.is_dir() {
+        fs::remove_dir_all(&runs).with_context(|| format!("{}: could not be removed", runs.display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,451 @@
+//! A study in sentences: a page of Markdown that says what each digit costs.
+
+use std::fmt::{self, Write};
+
+use super::choice::Choice;
+use super::findings::{Findings, Level, Row};
+use super::ledger::Ledger;
+use super::order::fit;
+use super::pareto::cheapest;
+use super::plan::Plan;
+use super::plots::{ERROR_TIME, ORDERS, PITCHES, SURFACES};
+
+/// Relative errors that are asked for.
+const ASKED: [(f64, &str); 4] = [(0.1, "10 %"), (0.01, "1 %"), (1e-3, "0.1 %"), (1e-4, "0.01 %")];
+
+/// What the page says besides what was found.
+pub struct Page<'a> {
+    /// Name of the scene's file.
+    pub scene: &'a str,
+    /// What made the study.
+    pub command: &'a str,
+    /// Folder of the study, as it is given in commands.
+    pub folder: &'a str,
+    /// Threads and instruction set.
+    pub machine: &'a str,
+    /// Pictures that were written.
+    pub pictures: &'a [&'static str],
+    /// Instants that were compared.
+    pub instants: usize,
+    /// What the study was allowed to take \[s\].
+    pub budget_seconds: f64,
+}
+
+/// Writes the page.
+///
+/// # Panics
+/// Never: writing to a string does not fail.
+pub fn markdown(page: &Page<'_>, findings: &Findings, plan: &Plan, ledger: &Ledger) -> String {
+    let mut text = String::new();
+    write_page(&mut text, page, findings, plan, ledger).expect("text");
+    text
+}
+
+/// A share as percent, with two digits that count.
+fn percent(share: f64) -> String {
+    format!("{} %", two(100.0 * share))
+}
+
+/// Two digits that count.
+fn two(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let digits = (1 - value.abs().log10().floor() as i32).max(0) as usize;
+    if digits > 6 { format!("{value:.1e}") } else { format!("{value:.digits$}") }
+}
+
+fn seconds(value: f64) -> String {
+    if value < 0.1 { format!("{} ms", two(1e3 * value)) } else { format!("{} s", two(value)) }
+}
+
+fn described(choice: &Choice) -> String {
+    let Choice { integrator, pitch_mm, fineness, exact } = choice;
+    let step = if *fineness == 1.0 { "the largest stable step".to_owned() } else { format!("1/{fineness} of it") };
+    format!("{pitch_mm} mm, {step}, {integrator}{}", if *exact { ", exact" } else { "" })
+}
+
+fn write_page(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Plan, ledger: &Ledger) -> fmt::Result {
+    let largest = findings.largest_mm;
+    writeln!(text, "# What accuracy costs: {}\n", page.scene)?;
+    writeln!(text, "Written by `{}` (yawara {}; {}).\n", page.command, env!("CARGO_PKG_VERSION"), page.machine)?;
+
+    writeln!(text, "## In short\n")?;
+    for sentence in summary(findings) {
+        writeln!(text, "- {sentence}")?;
+    }
+    cheapest_choices(text, findings)?;
+
+    writeln!(text, "\n## How it was measured\n")?;
+    writeln!(
+        text,
+        "Every choice of integrator, step, pitch and arithmetic ran in turn with the others, round after round; times are the \
+         shortest of its repeats, of stepping alone (reading, assembling and writing are the same whatever the step). Runs are \
+         compared at {} evenly spaced instants; the worst counts. Particles of the fringe around the tissue and of bone are left out.\n\n\
+         *Relative error* is a distance over the largest displacement of any particle at any instant, here {} mm; *rms* is the root \
+         of the mean square over the particles, *max* the particle that is off most, *99 %* what 99 of 100 particles keep to.\n",
+        page.instants,
+        two(largest)
+    )?;
+    let name = |extrapolated: bool| {
+        if extrapolated { "the limit of vanishing steps (Richardson), from its finest runs" } else { "its finest run" }
+    };
+    for level in &findings.levels {
+        let doubt = level.doubt.map_or("in unknown doubt: one run alone".to_owned(), |doubt| {
+            format!(
+                "in doubt by {} (rms) and {} (max)",
+                percent(doubt.rms_mm / largest),
+                percent(doubt.max_mm / largest)
+            )
+        });
+        writeln!(
+            text,
+            "- {} mm ({} particles) is judged by {}, which is {doubt}.",
+            level.pitch_mm,
+            level.particles,
+            name(level.extrapolated)
+        )?;
+    }
+    writeln!(text, "\nErrors less than ten times the doubt about their reference are marked `?`: not resolved.")?;
+    if findings.cuts_differ {
+        writeln!(
+            text,
+            "\nThe scene has cuts. A spring is severed where the blade meets it, and that differs a little from step to step: \
+             particles beside the cut then jump from one lip to the other, and *max* says more about these few than about the \
+             tissue. The root mean square and the 99 % are robust. Between pitches, particles are compared by their place at rest, and \
+             places in cells that were cut are left out."
+        )?;
+    }
+
+    steps(text, page, findings)?;
+    pitches(text, page, findings)?;
+    surfaces(text, page, ledger)?;
+    arithmetic(text, findings, ledger)?;
+    if page.pictures.contains(&ERROR_TIME) {
+        writeln!(text, "\n## All choices\n\n![Error against time]({ERROR_TIME})\n")?;
+        writeln!(
+            text,
+            "The ringed choices are worth their time: they are better by 2 % or more than all that are faster. All numbers are in `results.csv` and \
+             `results.json`; each run is a run directory, so `yawara render {}/runs/{} -o picture.png` shows one.",
+            page.folder,
+            findings.rows.first().map_or(String::new(), |row| row.choice.key())
+        )?;
+    }
+    left_out(text, page, findings, plan, ledger)
+}
+
+/// What a stranger should know first.
+fn summary(findings: &Findings) -> Vec<String> {
+    let largest = findings.largest_mm;
+    let mut sentences = Vec::new();
+    let base = findings.levels.iter().find(|level| level.pitch_mm == findings.base_mm);
+    let of_base = |row: &&Row| row.choice.pitch_mm == findings.base_mm && !row.reference;
+    let rows: Vec<&Row> = findings.rows.iter().filter(of_base).collect();
+    if let Some((row, error)) = rows.first().and_then(|row| Some((row, row.time_error?))) {
+        sentences.push(format!(
+            "At the scene's pitch of {} mm the largest stable step ({}, {} steps, {}) is off by {} (rms; {} for the \
+             particle that is off most) of the largest displacement, {} mm.",
+            findings.base_mm,
+            seconds(row.dt_s),
+            row.steps,
+            seconds(row.least_seconds()),
+            percent(error.rms_mm / largest),
+            percent(error.max_mm / largest),
+            two(largest)
+        ));
+    }
+    if let Some(law) = base.and_then(|level| level.time_order) {
+        let points: Vec<[f64; 2]> = rows
+            .iter()
+            .filter(|row| row.shows_order && row.choice.exact == rows[0].choice.exact)
+            .filter_map(|row| Some([row.time_error?.rms_mm, row.least_seconds()]))
+            .collect();
+        let digit = fit(&points).map_or(String::new(), |cost| {
+            format!("; a digit more costs {} times the time", two(10_f64.powf(-cost.slope)))
+        });
+        sentences.push(format!(
+            "The error of the step goes with its power {:.2}: half the step, {} of the error{digit}.",
+            law.slope,
+            two(0.5_f64.powf(law.slope))
+        ));
+    }
+    let space = base.and_then(|level| level.space_error);
+    if let (Some(space), Some(law)) = (space, findings.space_law) {
+        let finest = findings.levels.last().map_or(0.0, |level| level.pitch_mm);
+        let how = if law.found {
+            format!(
+                "if it goes with the power {:.2} of the pitch, as {} pitches seen against {finest} mm suggest",
+                law.order, law.pitches
+            )
+        } else {
+            "if it goes with the pitch itself, which the pitches of this study do not show".to_owned()
+        };
+        sentences.push(format!(
+            "The pitch of {} mm is off by {} (rms), {how}.",
+            findings.base_mm,
+            percent(space.rms_mm / largest)
+        ));
+        if let Some(time) = rows.first().and_then(|row| row.time_error) {
+            sentences.push(if space.rms_mm > 2.0 * time.rms_mm {
+                format!(
+                    "So the pitch decides, not the step: its error is {} times that of the largest stable step, and finer \
+                     steps at this pitch are time wasted.",
+                    two(space.rms_mm / time.rms_mm)
+                )
+            } else if time.rms_mm > 2.0 * space.rms_mm {
+                "So the step decides: finer steps come before finer pitches.".to_owned()
+            } else {
+                "Step and pitch are off by about as much: both have to be refined together.".to_owned()
+            });
+        }
+    } else {
+        sentences.push("What the pitch costs was not measured: there is but one.".to_owned());
+    }
+    if findings.rows.iter().all(|row| row.same_bits) {
+        sentences.push("All repeats of a run came to the same bits.".to_owned());
+    } else {
+        sentences.push("**Repeats of a run came to different bits: that is a bug, please report it.**".to_owned());
+    }
+    sentences
+}
+
+/// The cheapest choice for each error asked for.
+fn cheapest_choices(text: &mut String, findings: &Findings) -> fmt::Result {
+    let grid = || findings.rows.iter().filter(|row| !row.reference);
+    type Measure = fn(&Row) -> Option<f64>;
+    let of_step = |row: &Row| row.time_error.map(|error| error.rms_mm);
+    let own: [(&str, bool, Measure); 4] = [
+        ("step alone, rms", true, |row| row.time_error.map(|error| error.rms_mm)),
+        ("step alone, max", true, |row| row.time_error.map(|error| error.max_mm)),
+        ("step and pitch, rms", false, |row| row.error.map(|error| error.rms_mm)),
+        ("step and pitch, max", false, |row| row.error.map(|error| error.max_mm)),
+    ];
+    writeln!(text, "\nThe cheapest choice for an error of at most\n")?;
+    writeln!(text, "| of | {} |\n|---|---|---|---|---|", ASKED.map(|(_, name)| name).join(" | "))?;
+    for (name, at_base, measure) in own {
+        // Of the step alone, pitches cannot be compared: the scene's is kept.
+        let rows: Vec<&Row> = grid().filter(|row| !at_base || row.choice.pitch_mm == findings.base_mm).collect();
+        let points: Vec<[f64; 2]> = rows
+            .iter()
+            .map(|row| [row.least_seconds(), measure(row).map_or(f64::NAN, |error| error / findings.largest_mm)])
+            .collect();
+        if points.iter().all(|point| !point[1].is_finite()) {
+            continue;
+        }
+        let best = points.iter().map(|point| point[1]).filter(|e| e.is_finite()).fold(f64::INFINITY, f64::min);
+        let cells = ASKED.map(|(asked, _)| match cheapest(&points, asked) {
+            Some(n) => {
+                let unsure = if at_base && of_step(rows[n]).is_some() && !rows[n].time_resolved { " ?" } else { "" };
+                format!("{}: {}{unsure}", described(&rows[n].choice), seconds(points[n][0]))
+            }
+            None => format!("none of the grid (best {})", percent(best)),
+        });
+        writeln!(text, "| {name} | {} |", cells.join(" | "))?;
+    }
+    Ok(())
+}
+
+fn steps(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Result {
+    let largest = findings.largest_mm;
+    writeln!(
+        text,
+        "\n## The step\n\nRuns against the reference of their own lattice, relative; volume and energy against its finest run.\n"
+    )?;
+    writeln!(
+        text,
+        "| choice | step | steps | time (median) | rms | 99 % | max | volume | energy | surface at the end, mean and Hausdorff [mm] |"
+    )?;
+    writeln!(text, "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|")?;
+    for row in &findings.rows {
+        let Row { choice, dt_s, steps, time_error, time_resolved, volume_error, energy_error, surface, .. } = row;
+        let mark = if *time_resolved { "" } else { " ?" };
+        let [rms, most, max] = match time_error {
+            Some(e) => [e.rms_mm, e.most_mm, e.max_mm].map(|mm| format!("{}{mark}", percent(mm / largest))),
+            None => ["-", "-", "-"].map(str::to_owned),
+        };
+        let share = |value: &Option<f64>| value.map_or("-".to_owned(), percent);
+        let surface = surface.map_or("-".to_owned(), |s| format!("{}, {}", two(s.mean_mm), two(s.hausdorff_mm)));
+        let reference = if row.reference { " (reference)" } else { "" };
+        let divided = if row.divided > 0 { format!(" ({} divided)", row.divided) } else { String::new() };
+        writeln!(
+            text,
+            "| {}{reference} | {} | {steps}{divided} | {} ({}) | {rms} | {most} | {max} | {} | {} | {surface} |",
+            described(choice),
+            seconds(*dt_s),
+            seconds(row.least_seconds()),
+            seconds(row.median_seconds()),
+            share(volume_error),
+            share(energy_error),
+        )?;
+    }
+    if page.pictures.contains(&ORDERS) {
+        writeln!(text, "\n![Error of the step]({ORDERS})")?;
+    }
+    for level in findings.levels.iter() {
+        if let Level { pitch_mm, time_order: Some(law), .. } = level {
+            writeln!(
+                text,
+                "\nObserved order at {pitch_mm} mm: {:.2}, of errors clear of the doubt and steps that were not divided.",
+                law.slope
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn pitches(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Result {
+    let Some(law) = findings.space_law else { return Ok(()) };
+    let largest = findings.largest_mm;
+    let finest = findings.levels.last().map_or(0.0, |level| level.pitch_mm);
+    writeln!(
+        text,
+        "\n## The pitch\n\nReferences of the pitches against that of {finest} mm, at the particles of the coarser lattice.\n"
+    )?;
+    writeln!(
+        text,
+        "| pitch [mm] | particles | seen, rms | seen, 99 % | seen, max | places left out | estimated error, rms | max |"
+    )?;
+    writeln!(text, "|---:|---:|---:|---:|---:|---:|---:|---:|")?;
+    for level in &findings.levels {
+        let seen = level.from_finest.map_or(["-", "-", "-", "-"].map(str::to_owned), |d| {
+            let [rms, most, max] = [d.rms_mm, d.most_mm, d.max_mm].map(|mm| percent(mm / largest));
+            [rms, most, max, format!("{} of {}", d.left_out, d.left_out + d.points)]
+        });
+        let [rms, max] = level
+            .space_error
+            .map_or(["-", "-"].map(str::to_owned), |s| [s.rms_mm, s.max_mm].map(|mm| percent(mm / largest)));
+        writeln!(text, "| {} | {} | {} | {rms} | {max} |", level.pitch_mm, level.particles, seen.join(" | "))?;
+    }
+    let order = if law.found {
+        format!("with `q = {:.2}`, fitted to {} pitches", law.order, law.pitches)
+    } else {
+        "with `q = 1`, assumed: these pitches show no power".to_owned()
+    };
+    writeln!(
+        text,
+        "\nThe finest pitch has an error of its own. The estimate is `c h^q` where `c (h^q - H^q)` is seen against the finest pitch \
+         `H`, {order}."
+    )?;
+    if page.pictures.contains(&PITCHES) {
+        writeln!(text, "\n![Error of the pitch]({PITCHES})")?;
+    }
+    Ok(())
+}
+
+fn surfaces(text: &mut String, page: &Page<'_>, ledger: &Ledger) -> fmt::Result {
+    let lines: Vec<_> = ledger.surfaces().collect();
+    let Some(reference) = lines.iter().find(|line| line.distance.is_none()) else { return Ok(()) };
+    writeln!(
+        text,
+        "\n## The surface\n\nSurfaces of the soft organs at the end of `{}`, against one sampled at {} mm ({} triangles); \
+         `yawara mesh {}/runs/{} -o surface.ply --resolution MM` draws them. Times are of one frame from what is on disk.\n",
+        reference.run, reference.resolution, reference.triangles, page.folder, reference.run
+    )?;
+    writeln!(text, "| resolution [mm] | triangles | time | mean distance [mm] | Hausdorff [mm] | volume |")?;
+    writeln!(text, "|---:|---:|---:|---:|---:|---:|")?;
+    for line in &lines {
+        let Some(distance) = line.distance else { continue };
+        writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {:+.3} % |",
+            line.resolution,
+            line.triangles,
+            seconds(line.seconds),
+            two(distance.mean_mm),
+            two(distance.hausdorff_mm),
+            100.0 * (line.volume_ml / reference.volume_ml - 1.0)
+        )?;
+    }
+    if page.pictures.contains(&SURFACES) {
+        writeln!(text, "\n![Distance of surfaces]({SURFACES})")?;
+    }
+    Ok(())
+}
+
+fn arithmetic(text: &mut String, findings: &Findings, ledger: &Ledger) -> fmt::Result {
+    let largest = findings.largest_mm;
+    let pairs: Vec<(&Row, &Row)> = findings
+        .rows
+        .iter()
+        .filter(|row| row.choice.exact)
+        .filter_map(|exact| {
+            let choice = Choice { exact: false, ..exact.choice.clone() };
+            Some((findings.rows.iter().find(|row| row.choice == choice)?, exact))
+        })
+        .collect();
+    if pairs.is_empty() && ledger.rounding().is_none() {
+        return Ok(());
+    }
+    writeln!(text, "\n## Rounding\n")?;
+    for (fast, exact) in pairs {
+        if let (Some(a), Some(b)) = (fast.time_error, exact.time_error) {
+            writeln!(
+                text,
+                "- Exact arithmetic instead of fast takes {} times the time at {} and changes the error (rms) by {}.",
+                two(exact.least_seconds() / fast.least_seconds()),
+                described(&fast.choice),
+                percent((a.rms_mm - b.rms_mm).abs() / largest)
+            )?;
+        }
+    }
+    if let Some(rounding) = ledger.rounding() {
+        writeln!(
+            text,
+            "- From the last state of `{}` on, {} steps in f32 and in f64 (springs, holds, gravity and drag alone) end {} (rms) \
+             and {} (max) of the largest displacement apart, while particles move by up to {} mm; f64, written plainly, takes {} times as long.",
+            rounding.run,
+            rounding.steps,
+            percent(rounding.rms_mm / largest),
+            percent(rounding.max_mm / largest),
+            two(rounding.moved_mm),
+            two(rounding.times_slower)
+        )?;
+    }
+    Ok(())
+}
+
+fn left_out(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Plan, ledger: &Ledger) -> fmt::Result {
+    let skipped: Vec<_> = ledger.skipped(page.budget_seconds).collect();
+    let lost: Vec<&String> = ledger.probes().filter_map(|probe| probe.failed.as_ref()).collect();
+    if plan.left_out.is_empty() && findings.failed.is_empty() && skipped.is_empty() && lost.is_empty() {
+        return Ok(());
+    }
+    writeln!(text, "\n## What is missing\n")?;
+    for left in &plan.left_out {
+        writeln!(
+            text,
+            "- {}: a run would take about {}, more than the budget of {} leaves.",
+            described(&left.choice),
+            seconds(left.seconds),
+            seconds(page.budget_seconds)
+        )?;
+    }
+    for line in skipped {
+        let what = if line.repeat == 0 { "not run".to_owned() } else { format!("not run a {}. time", line.repeat + 1) };
+        writeln!(
+            text,
+            "- {}: {what}, for it would take about {} and the time was up.",
+            described(&line.choice),
+            seconds(line.seconds)
+        )?;
+    }
+    for (choice, why) in &findings.failed {
+        writeln!(text, "- {}: {why}", described(choice))?;
+    }
+    for why in lost {
+        writeln!(text, "- {why}")?;
+    }
+    writeln!(text, "\nMore time (`--budget MINUTES`) goes on from here.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_two_digits_that_count() {
+        assert_eq!([0.0123, 1.26, 45.6, 4560.0, 1e-9].map(two), ["0.012", "1.3", "46", "4560", "1.0e-9"]);
+        assert_eq!(percent(0.00123), "0.12 %");
+        assert_eq!([0.0123, 12.3].map(seconds), ["12 ms", "12 s"]);
+    }
+}
