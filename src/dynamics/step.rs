@@ -3,15 +3,17 @@
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
-use super::effects::fibres::FibreScratch;
-use super::springs::{BlockInput, block_of};
+use super::effects::fibres::{CellFibres, FibreScratch};
+use super::rigid::Bodies;
+use super::springs::{BlockInput, BlockSprings, block_of};
 use super::step_error::StepError;
-use super::volume::CellScratch;
-use super::workers::Worker;
+use super::volume::{CellScratch, CellVolumes};
+use super::workers::{Worker, Workers};
 use super::world::World;
 use crate::kernel::block::StepConstants;
+use crate::kernel::dispatch::Arithmetic;
 use crate::kernel::halo::gather;
-use crate::lattice::layout::BLOCK_LEN;
+use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
 
 /// At most so many neighbouring blocks are stepped in a row by one thread, which asks for the next one's state meanwhile.
 const MOST_BLOCKS_PER_TASK: usize = 8;
@@ -21,14 +23,22 @@ const TASKS_PER_THREAD: usize = 8;
 const MOST_AHEAD: usize = 10;
 
 impl World {
-    /// One step of symplectic Euler: new velocities from the forces at the old places, then new places.
+    /// One step of symplectic Euler: new velocities from the forces at the old places, then new places. Or of the integrator
+    /// that [`World::set_integrator`] chose.
     ///
     /// # Errors
     /// If a velocity is not finite or outruns the lattice; places are left as they were before the step, velocities are
-    /// not.
+    /// not (with another integrator both are those of the step that failed). If an integrator with a tolerance cannot meet it.
     pub fn step(&mut self) -> Result<(), StepError> {
         // Handed to the workers once: small lattices would wait for them longer than they compute.
-        rayon::scope(|_| self.step_among_workers())
+        rayon::scope(|_| match self.integration.take() {
+            None => self.step_among_workers(),
+            Some(mut integration) => {
+                let result = integration.step(self);
+                self.integration = Some(integration);
+                result
+            }
+        })
     }
 
     fn step_among_workers(&mut self) -> Result<(), StepError> {
@@ -54,36 +64,106 @@ impl World {
     fn kick(&mut self) {
         let step = StepConstants::new(self.lattice.pitch, self.dt, self.gravity.into());
         let damped = self.springs.damped();
-        let arithmetic = self.arithmetic;
-        let rigid = self.rigid.as_deref();
         self.workers.prepare();
-        let Self {
-            displacement,
-            velocity,
-            next_velocity,
-            next_fastest,
-            dt_over_mass,
-            layout,
-            springs,
-            cells,
-            fibres,
-            workers,
-            ..
-        } = self;
         let old_velocity: [&[f32]; 3] = [&[]; 3];
         // With dampers the neighbours' old velocities are read while new ones are written.
-        let (old_velocity, [x, y, z]) = if damped {
-            (velocity.each_ref().map(Vec::as_slice), next_velocity.each_mut())
+        let (old_velocity, out) = if damped {
+            (self.velocity.each_ref().map(Vec::as_slice), self.next_velocity.each_mut())
         } else {
-            (old_velocity, velocity.each_mut())
+            (old_velocity, self.velocity.each_mut())
         };
+        let kick = Kick {
+            step,
+            arithmetic: self.arithmetic,
+            displacement: &self.displacement,
+            old_velocity,
+            from_rest: false,
+            dt_over_mass: &self.dt_over_mass,
+            layout: &self.layout,
+            springs: &self.springs,
+            cells: &self.cells,
+            fibres: &self.fibres,
+            rigid: self.rigid.as_deref(),
+            workers: &self.workers,
+        };
+        kick.all(out, &mut self.next_fastest);
+        if damped {
+            std::mem::swap(&mut self.velocity, &mut self.next_velocity);
+        }
+    }
+
+    /// What a step would add to velocities, at any places and velocities: the accelerations of springs, cells, gravity and
+    /// dampers times the step, dampers reading the rate of length itself.
+    ///
+    /// - `kick` [m/s]: overwritten, 0 where nothing is free.
+    pub(super) fn kick_at(&mut self, displacement: &[Vec<f32>; 3], velocity: &[Vec<f32>; 3], kick: &mut [Vec<f32>; 3]) {
+        let gravity = (self.gravity * self.dt).into();
+        // Dampers over no time at all; gravity, which counts per step, over the step.
+        let step = StepConstants { dt: 0.0, ..StepConstants::new(self.lattice.pitch, 1.0, gravity) };
+        self.workers.prepare();
+        kick.iter_mut().for_each(|axis| axis.par_chunks_mut(16 * BLOCK_LEN).for_each(|axis| axis.fill(0.0)));
+        let kicks = Kick {
+            step,
+            arithmetic: self.arithmetic,
+            displacement,
+            old_velocity: velocity.each_ref().map(Vec::as_slice),
+            from_rest: true,
+            dt_over_mass: &self.dt_over_mass,
+            layout: &self.layout,
+            springs: &self.springs,
+            cells: &self.cells,
+            fibres: &self.fibres,
+            rigid: None,
+            workers: &self.workers,
+        };
+        kicks.all(kick.each_mut(), &mut self.next_fastest);
+    }
+
+    fn drift(&mut self) {
+        let dt = self.dt as f32;
+        for axis in 0..3 {
+            self.displacement[axis]
+                .par_chunks_mut(16 * BLOCK_LEN)
+                .zip(self.velocity[axis].par_chunks(16 * BLOCK_LEN))
+                .for_each(|(displacement, velocity)| {
+                    for (u, v) in displacement.iter_mut().zip(velocity) {
+                        *u += dt * v;
+                    }
+                });
+        }
+    }
+}
+
+/// What the velocities of a step are computed from.
+struct Kick<'a> {
+    step: StepConstants,
+    arithmetic: Arithmetic,
+    displacement: &'a [Vec<f32>; 3],
+    /// Read only with dampers.
+    old_velocity: [&'a [f32]; 3],
+    /// What is written starts from what it holds, not from the old velocity.
+    from_rest: bool,
+    dt_over_mass: &'a [f32],
+    layout: &'a BlockLayout,
+    springs: &'a BlockSprings,
+    cells: &'a Option<CellVolumes>,
+    fibres: &'a Option<Box<CellFibres>>,
+    rigid: Option<&'a Bodies>,
+    workers: &'a Workers,
+}
+
+impl Kick<'_> {
+    /// Adds to the velocities of all blocks; writes the largest squared speed of each.
+    fn all(&self, [x, y, z]: [&mut Vec<f32>; 3], next_fastest: &mut [f32]) {
+        let &Self { displacement, old_velocity, dt_over_mass, layout, springs, .. } = self;
+        let damped = springs.damped();
         let tasks = TASKS_PER_THREAD * rayon::current_num_threads();
         let in_task = (layout.blocks.len() / tasks).clamp(1, MOST_BLOCKS_PER_TASK);
         let size = in_task * BLOCK_LEN;
         let groups = (x.par_chunks_mut(size), y.par_chunks_mut(size), z.par_chunks_mut(size));
         let groups = groups.into_par_iter().zip(next_fastest.par_chunks_mut(in_task));
         groups.enumerate().for_each(|(group, ((x, y, z), fastest))| {
-            let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch } = &mut *workers.own();
+            let Worker { scratch, cells: cell_scratch, fibres: fibre_scratch } = &mut *self.workers.own();
             let mut rest = [x, y, z];
             for (place, fastest) in fastest.iter_mut().enumerate() {
                 let block = group * in_task + place;
@@ -108,13 +188,15 @@ impl World {
                 if damped {
                     for axis in 0..3 {
                         gather(old_velocity[axis], neighbours, &mut scratch.velocity[axis]);
-                        out[axis].copy_from_slice(block_of(old_velocity[axis], block));
+                        if !self.from_rest {
+                            out[axis].copy_from_slice(block_of(old_velocity[axis], block));
+                        }
                     }
                 }
-                if let Some(rigid) = rigid {
+                if let Some(rigid) = self.rigid {
                     rigid.clear_block(block, &mut out);
                 }
-                let force = match (&*fibres, &*cells) {
+                let force = match (self.fibres, self.cells) {
                     (None, None) => None,
                     (None, Some(cells)) => {
                         cells.forces(layout, block, scratch, cell_scratch.get_or_insert_with(CellScratch::new))
@@ -127,25 +209,8 @@ impl World {
                 };
                 let dt_over_mass = block_of(dt_over_mass, block);
                 let input = BlockInput { scratch, cells: force, dt_over_mass, ahead: &ahead };
-                *fastest = springs.kick(arithmetic, step, layout, block, input, out);
+                *fastest = springs.kick(self.arithmetic, self.step, layout, block, input, out);
             }
         });
-        if damped {
-            std::mem::swap(velocity, next_velocity);
-        }
-    }
-
-    fn drift(&mut self) {
-        let dt = self.dt as f32;
-        for axis in 0..3 {
-            self.displacement[axis]
-                .par_chunks_mut(16 * BLOCK_LEN)
-                .zip(self.velocity[axis].par_chunks(16 * BLOCK_LEN))
-                .for_each(|(displacement, velocity)| {
-                    for (u, v) in displacement.iter_mut().zip(velocity) {
-                        *u += dt * v;
-                    }
-                });
-        }
     }
 }

@@ -9,6 +9,7 @@ use super::drive::{Claims, Drive};
 use super::effects::Drag;
 use super::effects::contact::Contact;
 use super::effects::fibres::CellFibres;
+use super::integrator::Integration;
 use super::rigid::Bodies;
 use super::springs::BlockSprings;
 use super::step_error::StepError;
@@ -68,6 +69,8 @@ pub struct World {
     axes: Matrix3,
     pub(super) gravity: Vector3,
     pub(super) arithmetic: Arithmetic,
+    /// `None` for the plain step, symplectic Euler.
+    pub(super) integration: Option<Box<Integration>>,
     /// `None` without drag.
     pub(super) drag: Option<Drag>,
     pub(super) dt: f64,
@@ -126,6 +129,7 @@ impl World {
             axes,
             gravity: Vector3::zeros(),
             arithmetic: Arithmetic::default(),
+            integration: None,
             drag: None,
             dt,
             steps: 0,

@@ -1,0 +1,82 @@
+//! No motion: the settled shape under what holds, grabs and loads it, at the end of every step.
+//!
+//! A step moves what is prescribed to its next place and lets the rest settle to the nearest shape without forces: a lowest point of the
+//! elastic energy and the loads, found from the shape before by Newton's iteration with conjugate gradients (`newton.rs`). Masses count
+//! only as weight, dampers and drag not at all, and velocities are 0. What was cut loose and is held by nothing
+//! stays where it is while no load acts on it; under gravity it has no settled shape, and the step is refused.
+//!
+//! The step is the time between two looks at the scene: by default one per frame. A blade cuts along straight ways of the tissue
+//! between steps, so a cut that moves with the tissue wants shorter ones.
+//!
+//! A pressure follows its faces: it is taken where the faces came to rest, again and again until nothing moves by more than ten times the
+//! **tolerance, a length**, which also ends Newton's iteration.
+//!
+//! Always in f64. Where there are several settled shapes (a strip that buckles) it is the one that the shape before leads down to.
+//!
+//! Why not dynamic relaxation: waves cross a body of `n` particles in some `n` steps, and settle after some ten crossings; conjugate
+//! gradients need about one. `cargo test --test integrators settled_shape -- --nocapture` prints both times for the same
+//! hanging beam.
+//!
+//! Source: see `newton.rs`.
+
+use super::backward_euler::prescribed;
+use super::field::{Field, combine, fit, largest};
+use super::newton::{Effort, Newton, Unsettled, Wanted};
+use super::precise_lattice::PreciseLattice;
+
+/// How often loads that follow are looked at again.
+const MOST_ROUNDS: u32 = 50;
+
+/// Buffers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct QuasiStatic {
+    newton: Newton,
+    before: Field<f64>,
+    shift: Field<f64>,
+    moved: Field<f64>,
+}
+
+impl QuasiStatic {
+    /// - `velocity`: of what is prescribed, that which leads to its next place; 0 afterwards.
+    /// - `load`: takes the loads at given places; true when they follow the places.
+    pub(super) fn advance(
+        &mut self,
+        lattice: &mut PreciseLattice,
+        displacement: &mut Field<f64>,
+        velocity: &mut Field<f64>,
+        dt: f64,
+        tolerance: f64,
+        mut load: impl FnMut(&mut PreciseLattice, &Field<f64>) -> bool,
+    ) -> Result<(), Unsettled> {
+        let Self { newton, before, shift, moved } = self;
+        let mut shifted = prescribed(lattice, velocity, dt, shift);
+        for _ in 0..MOST_ROUNDS {
+            for axis in 0..3 {
+                before[axis].clone_from(&displacement[axis]);
+            }
+            let follows = load(lattice, displacement);
+            let wanted = Wanted {
+                before,
+                inertial: before,
+                inertia: 0.0,
+                dt: f64::INFINITY,
+                shift: shifted.then_some(&*shift),
+                tolerance,
+            };
+            newton.settle(lattice, displacement, wanted)?;
+            shifted = false;
+            fit(moved, lattice.slots());
+            combine(moved, displacement, [(-1.0, &*before)]);
+            if !follows || largest([(1.0, &*moved)]) <= 10.0 * tolerance {
+                velocity.iter_mut().for_each(|axis| axis.fill(0.0));
+                return Ok(());
+            }
+        }
+        let slot = 0;
+        Err(Unsettled { step: largest([(1.0, &*moved)]), slot, iterations: MOST_ROUNDS })
+    }
+
+    pub(super) fn effort(&self) -> Effort {
+        self.newton.effort
+    }
+}
