@@ -325,7 +325,8 @@ impl World {
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
         let fibres = self.fibres.as_ref().map_or(0, |fibres| fibres.bytes() + 12 * self.lattice.len());
         let contact = self.contact.as_ref().map_or(0, |contact| contact.bytes());
-        (state + self.springs.bytes() + cells + fibres + lattice + constants + rigid + contact) as f64
+        let integration = self.integration.as_ref().map_or(0, |integration| integration.bytes(slots));
+        (state + integration + self.springs.bytes() + cells + fibres + lattice + constants + rigid + contact) as f64
             / self.lattice.len() as f64
     }
 

@@ -13,8 +13,8 @@
 //! that. The error at the end is what all parts add up to. Divided steps share their last evaluation: four for a step, three for
 //! each further part.
 //!
-//! Stable while `w dt < sqrt(3)`, undamped, and in the whole half disc of that radius: the step of a run is chosen below it. A scene
-//! may ask for a longer one; beyond the limit the error grows, and the control divides.
+//! Stable while `w dt < sqrt(3)`, undamped, and in the whole half disc of that radius: that caps the step, and the control divides
+//! what is left of it.
 //!
 //! Why this pair and not Dormand and Prince's 5(4): in a lattice the step is bounded by stability long before it is by
 //! accuracy, and per evaluation Bogacki and Shampine's reaches 0.58 of a radian of the fastest undamped mode, Dormand and Prince's 0.17.

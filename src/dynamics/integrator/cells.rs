@@ -108,6 +108,12 @@ impl Cells {
         Some(Self { pitch: lattice.pitch, cells, above, first, around, stress: none, cofactor, taut })
     }
 
+    /// Bytes held, with a tangent.
+    pub(super) fn bytes(&self) -> usize {
+        self.cells.len() * (size_of::<Cell>() + 32 + 3 * size_of::<Matrix3>())
+            + 4 * (self.above.len() + self.first.len())
+    }
+
     /// Takes its term and its fibres from the cell above a particle.
     pub(super) fn drop_cell(&mut self, particle: u32) {
         let number = std::mem::replace(&mut self.above[particle as usize], NONE);

@@ -102,6 +102,15 @@ impl Method {
         matches!(self, Self::BackwardEuler | Self::QuasiStatic)
     }
 
+    /// When in a step of length 1 the forces act that a scene changes over time.
+    pub(super) fn load_time(self) -> f64 {
+        match self {
+            Self::SymplecticEuler => 0.0,
+            Self::Verlet | Self::Rk4 | Self::BogackiShampine => 0.5,
+            Self::BackwardEuler | Self::QuasiStatic => 1.0,
+        }
+    }
+
     /// True when it takes a tolerance.
     pub fn has_tolerance(self) -> bool {
         matches!(self, Self::BogackiShampine | Self::BackwardEuler | Self::QuasiStatic)

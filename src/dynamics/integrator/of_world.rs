@@ -255,6 +255,26 @@ impl Integration {
         }
     }
 
+    /// Bytes held while stepping.
+    pub(in crate::dynamics) fn bytes(&self, slots: usize) -> usize {
+        let method = self.integrator.method;
+        let implicit = method.is_stable_at_any_step();
+        // Fields of three numbers.
+        let fields = match method {
+            Method::SymplecticEuler => 1,
+            Method::Verlet => 2,
+            Method::Rk4 | Method::BogackiShampine => 6,
+            Method::BackwardEuler => 13,
+            Method::QuasiStatic => 15,
+        };
+        match &self.precise {
+            None => 12 * slots * fields,
+            Some(precise) => {
+                precise.lattice.bytes(implicit) + slots * (24 * (fields + 2) + if implicit { 48 } else { 0 })
+            }
+        }
+    }
+
     /// One step of the world.
     pub(in crate::dynamics) fn step(&mut self, world: &mut World) -> Result<(), StepError> {
         if self.precise.is_some() {

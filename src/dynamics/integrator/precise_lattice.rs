@@ -119,6 +119,14 @@ impl PreciseLattice {
         weights.for_each(|((free, mass), weight)| *free = if *weight > 0.0 { mass.recip() } else { 0.0 });
     }
 
+    /// Bytes held, once a tangent has been taken if one will be.
+    pub(super) fn bytes(&self, with_tangent: bool) -> usize {
+        let springs = self.stiffness.len();
+        let damping = self.damping.as_ref().map_or(0, Vec::len);
+        let tangent = if with_tangent { 8 * springs + 8 * damping + 72 * self.slots() } else { 0 };
+        8 * (springs + damping) + 40 * self.slots() + self.cells.as_ref().map_or(0, Cells::bytes) + tangent
+    }
+
     /// Mass of each slot [kg]; 0 for empty slots and rigid organs.
     pub fn mass(&self) -> &[f64] {
         &self.mass

@@ -6,7 +6,7 @@
 //! take `r L / 2`. Verlet's method takes twice the damping of the plain step: its limit is that of a lattice with
 //! dampers twice as strong. Drag adds its rate to `c`.
 
-use super::{Integrator, Method};
+use super::Method;
 use crate::dynamics::stable_dt::Limits;
 use crate::dynamics::world::World;
 use crate::lattice::{Lattice, Topology};
@@ -31,6 +31,12 @@ impl Method {
     /// How much stronger it feels dampers than the plain step does.
     pub(in crate::dynamics) fn damper_share(self) -> f32 {
         if self == Self::Verlet { 2.0 } else { 1.0 }
+    }
+
+    /// The rate of drag that its limit has to allow for [1/s]: none in the plain step, which takes the decay of a step whole, nor
+    /// where any step is stable.
+    pub(in crate::dynamics) fn resolved_drag(self, drag: f64) -> f64 {
+        if self == Self::SymplecticEuler || self.is_stable_at_any_step() { 0.0 } else { drag }
     }
 
     /// The lattice whose plain step has this method's limit, but for [`Method::reach`]; `None` when it is the lattice itself.
@@ -65,8 +71,7 @@ impl Method {
     ) -> (Limits, impl Fn(Limits, f64) -> Limits) {
         let seen = self.seen_by(assembly);
         let reach = self.reach(is_damped(assembly) || drag > 0.0);
-        // `k L^2 + 2 c L <= 4` leaves room for drag: exactly none for the plain step, whose factor is taken whole.
-        let slowed = if self == Self::SymplecticEuler { 0.0 } else { drag };
+        let slowed = self.resolved_drag(drag);
         let of_plain = move |limit: f64| 1.0 / (1.0 / (reach * limit) + slowed);
         let scaled = move |plain: Limits| Limits {
             promise: of_plain(plain.promise),
@@ -93,11 +98,4 @@ fn is_damped(assembly: &Assembly) -> bool {
 /// The time that the fastest mode of a world at rest takes for a radian, at least [s]; infinite without springs.
 pub(super) fn radian(world: &World) -> f64 {
     0.5 * Limits::at_rest(world.lattice(), world.topology(), world.assembly()).rest
-}
-
-impl Integrator {
-    /// The largest step that is stable at rest, not sharpened [s].
-    pub fn stable_dt(self, lattice: &Lattice, topology: &Topology, assembly: &Assembly, drag: f64) -> f64 {
-        self.method.limits(lattice, topology, assembly, drag).0.promise
-    }
 }
