@@ -15,7 +15,7 @@
 //! ```
 //!
 //! The force over a step is the exact gradient of `1/2 k (l - L)^2 + c / (2 dt) (l - l')^2`; the tangent is its exact second
-//! derivative but for the negative part of a spring that is pressed, so that it is never negative. `l - L` is
+//! derivative but for the negative part of a spring that is pressed, so that it is never negative; or with that part. `l - L` is
 //! `(l^2 - L^2) / (l + L)`, which loses no digits at small strain.
 //!
 //! Square roots and divisions as written and nothing fused: the same bits on every instruction set.
@@ -202,8 +202,9 @@ pub fn spring_forces(
     energy.iter().sum()
 }
 
-/// The tangent of the springs of a block, each as `a d d^T + b I`, and its diagonal blocks.
+/// The tangent of the springs of a block, each as `a d d^T + b I`, and its diagonal blocks, these without what is negative.
 ///
+/// - `exact`: with the negative part of springs that are pressed.
 /// - `along`: `a` [N/m^3], `across`: `b` [N/m]; [`SPRINGS_LEN`] values, overwritten.
 /// - `diagonal` xx, yy, zz, yz, xz, xy [N/m]: overwritten.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
@@ -212,8 +213,8 @@ pub fn spring_tangents(
     stiffness: &[f64],
     rate: Rate<'_>,
     displacement: [&WideHalo; 3],
-    along: &mut [f32],
-    across: &mut [f32],
+    exact: bool,
+    [along, across]: [&mut [f32]; 2],
     diagonal: [&mut Slots; 6],
 ) {
     for_rows(|start, y, z| {
@@ -236,11 +237,14 @@ pub fn spring_tangents(
             let shortest = SHORTEST_SHARE * rest_of(direction, pitch).1.sqrt();
             for lane in 0..LANES {
                 let length = length[lane].max(shortest);
-                let b = (tension[lane] / length).max(0.0);
-                let a = (stiffness[lane] + damping[lane] - b) / (length * length);
+                let whole = tension[lane] / length;
+                let b = whole.max(0.0);
+                let stiff = stiffness[lane] + damping[lane];
                 // Never negative: where the spring is drawn out, b is less than k.
-                let a = a.max(0.0);
-                (along[lane], across[lane]) = (a as f32, b as f32);
+                let a = (stiff - b).max(0.0) / (length * length);
+                let taken = if exact { whole } else { b };
+                across[lane] = taken as f32;
+                along[lane] = ((stiff - taken).max(0.0) / (length * length)) as f32;
                 let [x, y, z] = [d[0][lane], d[1][lane], d[2][lane]];
                 sum[0][lane] += a * x * x + b;
                 sum[1][lane] += a * y * y + b;
@@ -276,6 +280,9 @@ pub fn apply_tangents(
             let (rest, _) = rest_of(direction, pitch);
             let along: &[f32; LANES] = along[slots..slots + LANES].try_into().expect("a row's length");
             let across: &[f32; LANES] = across[slots..slots + LANES].try_into().expect("a row's length");
+            if along.iter().zip(across).all(|(a, b)| *a == 0.0 && *b == 0.0) {
+                continue;
+            }
             let own = displacement.map(|field| row_at(field, here));
             let far = displacement.map(|field| row_at(field, there));
             let x = vector.map(|field| row_at(field, here));

@@ -5,8 +5,9 @@
 //! them, so the result depends on no thread. Over a step of an implicit method the viscosity resists `e - e'`, the change of
 //! volume since the step began, and adds `eta / (2 dt) h^3 (e - e')^2` to the energy.
 //!
-//! The tangent is `h^3 q (cof F) (cof F)^T` of a volume term, with `q = L + eta / dt`, and the exact one of the fibres; left out, so that it is
-//! never negative, are the change of `cof F` itself (a pressure times the curvature of the volume) and negative moduli.
+//! The tangent is `h^3 q (cof F) (cof F)^T` of a volume term, with `q = L + eta / dt`, and the exact one of the fibres. Exact, it has
+//! the change of `cof F` itself as well (a pressure times the curvature of the volume), and negative moduli; without these
+//! it is never negative.
 
 use rayon::prelude::*;
 
@@ -33,6 +34,19 @@ struct Cell {
     root: Vector3,
 }
 
+/// What the tangent of a cell is made of.
+#[derive(Debug, Clone, Copy, Default)]
+struct CellTangent {
+    /// `F` and its cofactor.
+    deformation: Matrix3,
+    cofactor: Matrix3,
+    /// `q h^3`, and the pressure times `h^3` where the tangent is exact [N m].
+    stiffness: f64,
+    pressure: f64,
+    /// Of taut fibres.
+    taut: Matrix3,
+}
+
 /// What the cells resist besides a change of shape.
 #[derive(Clone, Copy)]
 pub(super) enum CellRate<'a> {
@@ -55,9 +69,7 @@ pub(super) struct Cells {
     first: Vec<u32>,
     around: Vec<u32>,
     stress: Vec<Matrix3>,
-    /// Of the tangent: cofactor times the root of `q h^3`, and fibres.
-    cofactor: Vec<Matrix3>,
-    taut: Vec<Matrix3>,
+    tangent: Vec<CellTangent>,
 }
 
 impl Cells {
@@ -104,13 +116,12 @@ impl Cells {
             }
         }
         let none = vec![Matrix3::zeros(); cells.len()];
-        let (cofactor, taut) = (Vec::new(), Vec::new());
-        Some(Self { pitch: lattice.pitch, cells, above, first, around, stress: none, cofactor, taut })
+        Some(Self { pitch: lattice.pitch, cells, above, first, around, stress: none, tangent: Vec::new() })
     }
 
     /// Bytes held, with a tangent.
     pub(super) fn bytes(&self) -> usize {
-        self.cells.len() * (size_of::<Cell>() + 32 + 3 * size_of::<Matrix3>())
+        self.cells.len() * (size_of::<Cell>() + 32 + size_of::<Matrix3>() + size_of::<CellTangent>())
             + 4 * (self.above.len() + self.first.len())
     }
 
@@ -169,43 +180,65 @@ impl Cells {
         energies.into_iter().sum()
     }
 
-    /// Takes the tangent at these displacements and adds its diagonal blocks: xx, yy, zz, yz, xz, xy [N/m].
-    pub(super) fn take_tangent(&mut self, displacement: &Field<f64>, per_step: f64, diagonal: &mut [Vec<f64>; 6]) {
+    /// Takes the tangent at these displacements and adds its diagonal blocks, these without what is negative: xx, yy, zz, yz,
+    /// xz, xy [N/m].
+    pub(super) fn take_tangent(
+        &mut self,
+        displacement: &Field<f64>,
+        rate: CellRate<'_>,
+        exact: bool,
+        diagonal: &mut [Vec<f64>; 6],
+    ) {
         let h = self.pitch;
         let cube = h.powi(3);
-        self.cofactor.resize(self.cells.len(), Matrix3::zeros());
-        self.taut.resize(self.cells.len(), Matrix3::zeros());
-        let parts = self.cofactor.par_iter_mut().zip(&mut self.taut).zip(&self.cells).with_min_len(CHUNK);
-        parts.for_each(|((scaled, taut), cell)| {
+        self.tangent.resize(self.cells.len(), CellTangent::default());
+        self.tangent.par_iter_mut().zip(&self.cells).with_min_len(CHUNK).for_each(|(tangent, cell)| {
             let g = gradient(h, cell, displacement);
-            let q = (cell.modulus.max(0.0) + cell.viscosity * per_step) * cube;
-            *scaled = cofactor(&(Matrix3::identity() + g)) * q.sqrt();
-            *taut = Matrix3::zeros();
+            let deformation = Matrix3::identity() + g;
+            let change = volume_change(&g);
+            let (mut stiffness, mut pressure) = (cell.modulus, cell.modulus * change);
+            if cell.modulus < 0.0 {
+                let square = change * change;
+                pressure /= (1.0 + square).powi(2);
+                stiffness *= (1.0 - 3.0 * square) / (1.0 + square).powi(3);
+            }
+            if let CellRate::Earlier(before, per_step) = rate
+                && cell.viscosity > 0.0
+            {
+                stiffness += cell.viscosity * per_step;
+                pressure += cell.viscosity * per_step * (change - volume_change(&gradient(h, cell, before)));
+            }
+            if !exact {
+                (stiffness, pressure) = (stiffness.max(0.0), 0.0);
+            }
+            let mut taut = Matrix3::zeros();
             if cell.root != Vector3::zeros() {
                 let (moved, stretch) = drawn(&cell.root, &g);
                 if stretch > 0.0 {
                     let along = moved.normalize();
                     let across = stretch / moved.norm();
-                    *taut = (along * along.transpose() * (1.0 - across) + Matrix3::identity() * across) * cube;
+                    taut = (along * along.transpose() * (1.0 - across) + Matrix3::identity() * across) * cube;
                 }
             }
+            let cofactor = cofactor(&deformation);
+            *tangent =
+                CellTangent { deformation, cofactor, stiffness: stiffness * cube, pressure: pressure * cube, taut };
         });
-        let (cells, cofactor, taut) = (&self.cells, &self.cofactor, &self.taut);
         let [xx, yy, zz, yz, xz, xy] = diagonal.each_mut().map(|entry| entry.par_chunks_mut(BLOCK_LEN));
         let blocks = ((xx, yy, zz), (yz, xz, xy)).into_par_iter().enumerate();
         blocks.for_each(|(block, ((xx, yy, zz), (yz, xz, xy)))| {
             for own in 0..BLOCK_LEN {
                 for (number, corner) in self.around(block * BLOCK_LEN + own) {
                     let shape = shape_gradient(h, corner);
-                    let w = cofactor[number] * shape;
-                    let share = cells[number].root.dot(&shape).powi(2);
-                    let fibre = taut[number] * share;
-                    xx[own] += w.x * w.x + fibre[(0, 0)];
-                    yy[own] += w.y * w.y + fibre[(1, 1)];
-                    zz[own] += w.z * w.z + fibre[(2, 2)];
-                    yz[own] += w.y * w.z + fibre[(1, 2)];
-                    xz[own] += w.x * w.z + fibre[(0, 2)];
-                    xy[own] += w.x * w.y + fibre[(0, 1)];
+                    let CellTangent { cofactor, stiffness, taut, .. } = &self.tangent[number];
+                    let (w, q) = (cofactor * shape, stiffness.max(0.0));
+                    let fibre = taut * self.cells[number].root.dot(&shape).powi(2);
+                    xx[own] += q * w.x * w.x + fibre[(0, 0)];
+                    yy[own] += q * w.y * w.y + fibre[(1, 1)];
+                    zz[own] += q * w.z * w.z + fibre[(2, 2)];
+                    yz[own] += q * w.y * w.z + fibre[(1, 2)];
+                    xz[own] += q * w.x * w.z + fibre[(0, 2)];
+                    xy[own] += q * w.x * w.y + fibre[(0, 1)];
                 }
             }
         });
@@ -214,12 +247,15 @@ impl Cells {
     /// Adds the tangent taken last times a vector.
     pub(super) fn add_product(&mut self, vector: &Field<f64>, product: &mut Field<f64>) {
         let h = self.pitch;
-        let parts = self.stress.par_iter_mut().zip(&self.cells).zip(&self.cofactor).zip(&self.taut);
-        parts.with_min_len(CHUNK).for_each(|(((stress, cell), cofactor), taut)| {
+        let parts = self.stress.par_iter_mut().zip(&self.cells).zip(&self.tangent);
+        parts.with_min_len(CHUNK).for_each(|((stress, cell), tangent)| {
             let g = gradient(h, cell, vector);
-            *stress = cofactor * cofactor.dot(&g);
+            *stress = tangent.cofactor * (tangent.stiffness * tangent.cofactor.dot(&g));
+            if tangent.pressure != 0.0 {
+                *stress += cofactor_change(&tangent.deformation, &g) * tangent.pressure;
+            }
             if cell.root != Vector3::zeros() {
-                *stress += taut * (g * cell.root) * cell.root.transpose();
+                *stress += tangent.taut * (g * cell.root) * cell.root.transpose();
             }
         });
         self.gather(product, 1.0);
@@ -275,6 +311,13 @@ fn volume_change(g: &Matrix3) -> f64 {
 fn cofactor(f: &Matrix3) -> Matrix3 {
     let [x, y, z] = [0, 1, 2].map(|axis| f.column(axis).into_owned());
     Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
+}
+
+/// The change of [`cofactor`] with a change of its matrix.
+fn cofactor_change(f: &Matrix3, change: &Matrix3) -> Matrix3 {
+    let [x, y, z] = [0, 1, 2].map(|axis| f.column(axis).into_owned());
+    let [a, b, c] = [0, 1, 2].map(|axis| change.column(axis).into_owned());
+    Matrix3::from_columns(&[b.cross(&z) + y.cross(&c), c.cross(&x) + z.cross(&a), a.cross(&y) + x.cross(&b)])
 }
 
 /// `b + G b`, and by how much it is longer than `b`.

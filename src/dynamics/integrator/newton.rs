@@ -7,10 +7,16 @@
 //! ```
 //!
 //! is least: `E` the elastic energy and what dampers take in the step, `s = 1 / dt^2` and `w` where inertia alone would lead (`s = 0`
-//! for a settled shape), `f` the loads. Each iteration takes the tangent `H` of the energy (never negative, see
-//! [`crate::kernel::precise`]), solves `H p = -dPhi/du` by conjugate gradients, preconditioned by the 3 x 3 blocks of the
-//! diagonal and as exactly as pays, and goes along `p` until `Phi` has come down enough. Because `H` is never negative `p` always leads down, so it
-//! converges from any shape: random places, a block pressed flat.
+//! for a settled shape), `f` the loads. Each iteration takes the tangent `H` of the energy, solves `H p = -dPhi/du` by conjugate
+//! gradients, preconditioned by the 3 x 3 blocks of the diagonal and as exactly as pays, and goes along `p` until `Phi` has come down
+//! enough. The first [`GENTLE`] iterations, and those after one that was shortened, take the tangent that is never negative (see
+//! [`crate::kernel::precise`]), which leads down by much from any shape: random places, a block pressed flat. Where springs are pressed in
+//! the shape that is looked for it gains little by little in the end; so from then on the tangent is exact, and
+//! conjugate gradients stop where they meet negative curvature. Their direction leads down all the same.
+//!
+//! For a settled shape there is no inertia to say where a piece goes that its springs leave free; there, and after steps that
+//! had to be shortened a lot, a share of the diagonal is added to `H` (Levenberg's and Marquardt's damping), less and less as steps are taken
+//! whole. It changes the way to the lowest point, not the point.
 //!
 //! It ends when the step `p` that Newton's equation asks for is shorter than the tolerance everywhere, and takes it. Near the
 //! end `Phi` changes by less than its rounding; then the slope decides instead, as Hager and Zhang do.
@@ -21,15 +27,27 @@
 //! gradient method with guaranteed descent and an efficient line search", 2005, for the last digits.
 
 use rayon::prelude::*;
+use rayon::slice::ChunksMut;
 
 use super::field::{Field, add, combine, fit, largest, product};
 use super::precise_lattice::PreciseLattice;
 use crate::lattice::layout::BLOCK_LEN;
 
+/// Iterations with the tangent that is never negative.
+const GENTLE: u32 = 4;
 /// Newton iterations of a step.
-const MOST_ITERATIONS: u32 = 300;
+const MOST_ITERATIONS: u32 = 80;
 /// Conjugate gradients of an iteration.
-const MOST_GRADIENTS: u32 = 5000;
+const MOST_GRADIENTS: u32 = 2000;
+/// Damping of the iterations, as a share of the trace of the diagonal blocks: that of a settled shape's first, and after a step
+/// that was shortened a lot.
+const FIRST_DAMPING: f64 = 1e-3;
+/// It does not grow beyond this.
+const MOST_DAMPING: f64 = 1.0;
+/// No step is the last with more: it would be shorter than Newton's.
+const MOST_AT_THE_END: f64 = 1e-6;
+/// What remains for a settled shape.
+const LEAST_DAMPING: f64 = 1e-8;
 /// A step must bring `Phi` down by this share of what its slope promises.
 const ENOUGH: f64 = 1e-4;
 /// How often a step is shortened.
@@ -95,6 +113,8 @@ pub(super) struct Newton {
     zero: Field<f64>,
     /// Inverse diagonal blocks: xx, yy, zz, yz, xz, xy [m/N]. Shape `[slots]`.
     inverse: Vec<[f64; 6]>,
+    /// Inertia and damping [N/m]; negative where nothing is free.
+    weight: Vec<f64>,
     pub(super) effort: Effort,
 }
 
@@ -117,16 +137,21 @@ impl Newton {
         }
         let first = self.remaining().max(f64::MIN_POSITIVE);
         let mut length = f64::INFINITY;
-        for _ in 0..MOST_ITERATIONS {
+        let mut trusted = true;
+        // What floats or hangs by a thread is not told where to go by its springs: that is for the damping.
+        let least = if wanted.inertia > 0.0 { 0.0 } else { LEAST_DAMPING };
+        let mut damping = if wanted.inertia > 0.0 { 0.0 } else { FIRST_DAMPING };
+        for iteration in 0..MOST_ITERATIONS {
             self.effort.iterations += 1;
-            lattice.take_tangent(place, wanted.before, wanted.dt);
-            self.invert(lattice, wanted.inertia);
+            let exact = iteration >= GENTLE && trusted;
+            lattice.take_tangent(place, wanted.before, wanted.dt, exact);
+            self.invert(lattice, wanted.inertia, damping);
             // As exact as it pays: more so as the iteration comes closer.
             let share = (self.remaining() / first).sqrt().clamp(1e-4, 0.1);
             combine(&mut self.residual, &self.zero, [(-1.0, &self.gradient)]);
-            self.solve(lattice, wanted.inertia, share);
+            let solved = self.solve(lattice, share);
             length = largest([(1.0, &self.direction)]);
-            if length <= wanted.tolerance {
+            if solved && length <= wanted.tolerance && damping <= MOST_AT_THE_END {
                 add(place, [(1.0, &self.direction)]);
                 return Ok(());
             }
@@ -135,10 +160,23 @@ impl Newton {
                 break;
             }
             // Nothing is left that `Phi` could tell.
-            if slope.abs() <= ROUNDING * value.scale * 1e-2 {
+            if solved && slope.abs() <= ROUNDING * value.scale * 1e-2 {
                 return Ok(());
             }
-            let Some(next) = self.search_along(lattice, place, value, slope, wanted) else { break };
+            let Some((next, factor)) = self.search_along(lattice, place, value, slope, wanted) else {
+                if exact {
+                    trusted = false;
+                    value = self.value(lattice, place, wanted);
+                    continue;
+                }
+                break;
+            };
+            trusted = solved && factor == 1.0;
+            if factor == 1.0 {
+                damping = (0.1 * damping).max(least);
+            } else if factor < 0.2 {
+                damping = (10.0 * damping).clamp(FIRST_DAMPING, MOST_DAMPING);
+            }
             value = next;
         }
         let squared = |slot: usize| (0..3).map(|axis| self.direction[axis][slot].powi(2)).sum::<f64>();
@@ -146,7 +184,7 @@ impl Newton {
         Err(Unsettled { step: length, slot, iterations: MOST_ITERATIONS })
     }
 
-    /// Goes along the direction until `Phi` has come down enough; `None` where it does not.
+    /// Goes along the direction until `Phi` has come down enough, and by which share; `None` where it does not.
     fn search_along(
         &mut self,
         lattice: &mut PreciseLattice,
@@ -154,7 +192,7 @@ impl Newton {
         value: Value,
         slope: f64,
         wanted: Wanted<'_>,
-    ) -> Option<Value> {
+    ) -> Option<(Value, f64)> {
         let mut trial = std::mem::take(&mut self.trial);
         let mut factor = 1.0;
         let mut found = None;
@@ -165,7 +203,7 @@ impl Newton {
             let flat = || product(&self.gradient, &self.direction).abs() <= 0.9 * slope.abs();
             if enough || ((next.phi - value.phi).abs() <= ROUNDING * value.scale && flat()) {
                 std::mem::swap(place, &mut trial);
-                found = Some(next);
+                found = Some((next, factor));
                 break;
             }
             factor *= 0.5;
@@ -183,12 +221,12 @@ impl Newton {
         shift: &Field<f64>,
         wanted: Wanted<'_>,
     ) -> Value {
-        lattice.take_tangent(place, wanted.before, wanted.dt);
-        self.invert(lattice, wanted.inertia);
+        lattice.take_tangent(place, wanted.before, wanted.dt, false);
+        self.invert(lattice, wanted.inertia, FIRST_DAMPING);
         lattice.apply(shift, &mut self.tangent);
         combine(&mut self.residual, &self.zero, [(-1.0, &self.gradient), (-1.0, &self.tangent)]);
         mask(lattice, &mut self.residual);
-        self.solve(lattice, wanted.inertia, 0.05);
+        self.solve(lattice, 0.05);
         add(place, [(1.0, shift)]);
         let mut best = self.value(lattice, place, wanted);
         let mut trial = std::mem::take(&mut self.trial);
@@ -251,14 +289,18 @@ impl Newton {
         product(&self.gradient, &self.gradient).sqrt()
     }
 
-    /// Inverts the diagonal blocks of tangent and inertia.
-    fn invert(&mut self, lattice: &PreciseLattice, inertia: f64) {
+    /// Adds inertia and damping to the diagonal blocks of the tangent, and inverts them.
+    fn invert(&mut self, lattice: &PreciseLattice, inertia: f64, damping: f64) {
         self.inverse.resize(lattice.slots(), [0.0; 6]);
+        self.weight.resize(lattice.slots(), 0.0);
         let (diagonal, mass, free) = (lattice.diagonal(), lattice.mass(), lattice.free());
-        self.inverse.par_iter_mut().enumerate().with_min_len(BLOCK_LEN).for_each(|(slot, inverse)| {
+        let both = self.inverse.par_iter_mut().zip(&mut self.weight).enumerate();
+        both.with_min_len(BLOCK_LEN).for_each(|(slot, (inverse, weight))| {
             let [mut xx, mut yy, mut zz, yz, xz, xy] = diagonal.each_ref().map(|entry| entry[slot]);
+            let trace = xx + yy + zz;
+            *weight = if free[slot] > 0.0 { inertia * mass[slot] + damping * trace } else { -1.0 };
             // A chain of springs resists in one direction only.
-            let all = inertia * mass[slot] + 1e-9 * (xx + yy + zz);
+            let all = inertia * mass[slot] + damping * trace + 1e-9 * trace;
             (xx, yy, zz) = (xx + all, yy + all, zz + all);
             let minors = [
                 yy * zz - yz * yz,
@@ -275,40 +317,109 @@ impl Newton {
     }
 
     /// Preconditioned conjugate gradients from zero: `direction` such that tangent and inertia turn it into `residual`, but for a
-    /// share of what the preconditioner makes of that.
-    fn solve(&mut self, lattice: &mut PreciseLattice, inertia: f64, share: f64) {
-        let Self { direction, residual, search, scaled, tangent, inverse, effort, .. } = self;
+    /// share of what the preconditioner makes of that. False where it met negative curvature or was not done in time, and
+    /// stopped before.
+    fn solve(&mut self, lattice: &mut PreciseLattice, share: f64) -> bool {
+        let Self { direction, residual, search, scaled, tangent, inverse, weight, effort, .. } = self;
+        precondition(inverse, residual, search);
         direction.iter_mut().for_each(|axis| axis.par_chunks_mut(BLOCK_LEN).for_each(|own| own.fill(0.0)));
-        precondition(inverse, residual, scaled);
-        for axis in 0..3 {
-            search[axis].clone_from(&scaled[axis]);
-        }
-        let mut size = product(residual, scaled);
+        let mut size = product(residual, search);
         let enough = share * share * size;
-        for _ in 0..MOST_GRADIENTS {
+        for round in 0..MOST_GRADIENTS {
             if size <= enough {
-                return;
+                return true;
             }
             effort.products += 1;
             lattice.apply(search, tangent);
-            add_inertia(lattice, inertia, search, tangent);
-            let curvature = product(search, tangent);
+            let curvature = add_weight(weight, search, tangent);
             if curvature <= 0.0 || !curvature.is_finite() {
-                return;
+                if round == 0 {
+                    add(direction, [(1.0, &*search)]);
+                }
+                return false;
             }
-            let factor = size / curvature;
-            add(direction, [(factor, &*search)]);
-            add(residual, [(-factor, &*tangent)]);
-            precondition(inverse, residual, scaled);
-            let next = product(residual, scaled);
+            let next = advance(inverse, size / curvature, [search, tangent], [direction, residual, scaled]);
             let turned = next / size;
-            for axis in 0..3 {
-                let both = search[axis].par_iter_mut().zip(&scaled[axis]).with_min_len(BLOCK_LEN);
-                both.for_each(|(search, scaled)| *search = scaled + turned * *search);
-            }
+            let [x, y, z] = chunks(search);
+            (x, y, z).into_par_iter().enumerate().for_each(|(block, (x, y, z))| {
+                for (axis, search) in [x, y, z].into_iter().enumerate() {
+                    let scaled = &scaled[axis][block * BLOCK_LEN..(block + 1) * BLOCK_LEN];
+                    search.iter_mut().zip(scaled).for_each(|(search, scaled)| *search = scaled + turned * *search);
+                }
+            });
             size = next;
         }
+        false
     }
+}
+
+/// A field block by block.
+fn chunks(field: &mut Field<f64>) -> [ChunksMut<'_, f64>; 3] {
+    field.each_mut().map(|axis| axis.par_chunks_mut(BLOCK_LEN))
+}
+
+/// A step of conjugate gradients: direction and residual go on, and what the preconditioner makes of the residual is written; returns the
+/// product of the two.
+fn advance(
+    inverse: &[[f64; 6]],
+    factor: f64,
+    [search, tangent]: [&Field<f64>; 2],
+    [direction, residual, scaled]: [&mut Field<f64>; 3],
+) -> f64 {
+    let ([px, py, pz], [rx, ry, rz], [zx, zy, zz]) = (chunks(direction), chunks(residual), chunks(scaled));
+    let blocks = ((px, py, pz), (rx, ry, rz), (zx, zy, zz)).into_par_iter().enumerate();
+    let parts: Vec<f64> = blocks
+        .map(|(block, ((px, py, pz), (rx, ry, rz), (zx, zy, zz)))| {
+            let (direction, residual, scaled) = ([px, py, pz], [rx, ry, rz], [zx, zy, zz]);
+            let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
+            for axis in 0..3 {
+                let (search, tangent) = (&search[axis][slots.clone()], &tangent[axis][slots.clone()]);
+                for own in 0..BLOCK_LEN {
+                    direction[axis][own] += factor * search[own];
+                    residual[axis][own] -= factor * tangent[own];
+                }
+            }
+            let mut sum = 0.0;
+            for (own, inverse) in inverse[slots].iter().enumerate() {
+                let r = [residual[0][own], residual[1][own], residual[2][own]];
+                let z = times(inverse, r);
+                for axis in 0..3 {
+                    scaled[axis][own] = z[axis];
+                    sum += r[axis] * z[axis];
+                }
+            }
+            sum
+        })
+        .collect();
+    parts.into_iter().sum()
+}
+
+/// Adds a weight times a vector, and sets to 0 what has none because it is not free; returns the product of the vector and the outcome.
+fn add_weight(weight: &[f64], vector: &Field<f64>, out: &mut Field<f64>) -> f64 {
+    let [x, y, z] = chunks(out);
+    let parts: Vec<f64> = (x, y, z)
+        .into_par_iter()
+        .enumerate()
+        .map(|(block, (x, y, z))| {
+            let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
+            let weight = &weight[slots.clone()];
+            let mut sum = 0.0;
+            for (axis, out) in [x, y, z].into_iter().enumerate() {
+                let vector = &vector[axis][slots.clone()];
+                for own in 0..BLOCK_LEN {
+                    out[own] = if weight[own] >= 0.0 { out[own] + weight[own] * vector[own] } else { 0.0 };
+                    sum += out[own] * vector[own];
+                }
+            }
+            sum
+        })
+        .collect();
+    parts.into_iter().sum()
+}
+
+/// A symmetric block, xx, yy, zz, yz, xz, xy, times a vector.
+fn times([xx, yy, zz, yz, xz, xy]: &[f64; 6], [a, b, c]: [f64; 3]) -> [f64; 3] {
+    [xx * a + xy * b + xz * c, xy * a + yy * b + yz * c, xz * a + yz * b + zz * c]
 }
 
 /// Sets to 0 what is not free.
@@ -319,27 +430,13 @@ fn mask(lattice: &PreciseLattice, field: &mut Field<f64>) {
     }
 }
 
-/// Adds `s m` times a vector, and sets to 0 what is not free.
-fn add_inertia(lattice: &PreciseLattice, inertia: f64, vector: &Field<f64>, out: &mut Field<f64>) {
-    for axis in 0..3 {
-        let of_slot = lattice.free().par_iter().zip(lattice.mass()).zip(&vector[axis]);
-        out[axis].par_iter_mut().zip(of_slot).with_min_len(BLOCK_LEN).for_each(|(out, ((free, mass), vector))| {
-            *out = if *free > 0.0 { *out + inertia * mass * vector } else { 0.0 };
-        });
-    }
-}
-
 /// Inverse diagonal blocks times a vector.
 fn precondition(inverse: &[[f64; 6]], vector: &Field<f64>, out: &mut Field<f64>) {
-    let [x, y, z] = out.each_mut().map(|axis| axis.par_chunks_mut(BLOCK_LEN));
+    let [x, y, z] = chunks(out);
     (x, y, z).into_par_iter().enumerate().for_each(|(block, (x, y, z))| {
         for own in 0..BLOCK_LEN {
             let slot = block * BLOCK_LEN + own;
-            let [xx, yy, zz, yz, xz, xy] = inverse[slot];
-            let [a, b, c] = [vector[0][slot], vector[1][slot], vector[2][slot]];
-            x[own] = xx * a + xy * b + xz * c;
-            y[own] = xy * a + yy * b + yz * c;
-            z[own] = xz * a + yz * b + zz * c;
+            [x[own], y[own], z[own]] = times(&inverse[slot], [vector[0][slot], vector[1][slot], vector[2][slot]]);
         }
     });
 }

@@ -236,8 +236,9 @@ impl PreciseLattice {
         energies.into_iter().sum()
     }
 
-    /// Takes the tangent of [`PreciseLattice::forces_over`] at these displacements, never negative, for [`PreciseLattice::apply`].
-    pub(super) fn take_tangent(&mut self, displacement: &Field<f64>, before: &Field<f64>, dt: f64) {
+    /// Takes the tangent of [`PreciseLattice::forces_over`] at these displacements for [`PreciseLattice::apply`]: exact, or without
+    /// what may make it negative.
+    pub(super) fn take_tangent(&mut self, displacement: &Field<f64>, before: &Field<f64>, dt: f64, exact: bool) {
         self.set_step(dt);
         let mut tangent = std::mem::take(&mut self.tangent);
         tangent.along.resize(self.stiffness.len(), 0.0);
@@ -262,11 +263,11 @@ impl PreciseLattice {
                 Rate::None
             };
             let diagonal = [xx, yy, zz, yz, xz, xy].map(|entry| entry.try_into().expect("whole blocks"));
-            spring_tangents(self.pitch, &self.stiffness[springs], rate, u.each_ref(), along, across, diagonal);
+            spring_tangents(self.pitch, &self.stiffness[springs], rate, u.each_ref(), exact, [along, across], diagonal);
         });
         if let Some(cells) = &mut self.cells {
-            let per_step = if dt.is_finite() { dt.recip() } else { 0.0 };
-            cells.take_tangent(displacement, per_step, &mut tangent.diagonal);
+            let rate = if dt.is_finite() { CellRate::Earlier(before, dt.recip()) } else { CellRate::None };
+            cells.take_tangent(displacement, rate, exact, &mut tangent.diagonal);
         }
         self.tangent = tangent;
     }

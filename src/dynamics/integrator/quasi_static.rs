@@ -8,6 +8,8 @@
 //! The step is the time between two looks at the scene: by default one per frame. A blade cuts along straight ways of the tissue
 //! between steps, so a cut that moves with the tissue wants shorter ones.
 //!
+//! Where the iteration does not end, what is prescribed is moved by half of its way first, or half of that.
+//!
 //! A pressure follows its faces: it is taken where the faces came to rest, again and again until nothing moves by more than ten times the
 //! **tolerance, a length**, which also ends Newton's iteration.
 //!
@@ -24,6 +26,8 @@ use super::field::{Field, combine, fit, largest};
 use super::newton::{Effort, Newton, Unsettled, Wanted};
 use super::precise_lattice::PreciseLattice;
 
+/// What is prescribed moves in parts as short as one over this of a step.
+const MOST_PARTS: f64 = 256.0;
 /// How often loads that follow are looked at again.
 const MOST_ROUNDS: u32 = 50;
 
@@ -49,8 +53,9 @@ impl QuasiStatic {
         mut load: impl FnMut(&mut PreciseLattice, &Field<f64>) -> bool,
     ) -> Result<(), Unsettled> {
         let Self { newton, before, shift, moved } = self;
-        let mut shifted = prescribed(lattice, velocity, dt, shift);
-        for _ in 0..MOST_ROUNDS {
+        let (mut left, mut part, mut rounds) = (dt, dt, 0);
+        while left > 0.0 || rounds > 0 {
+            let shifted = rounds == 0 && prescribed(lattice, velocity, part, shift);
             for axis in 0..3 {
                 before[axis].clone_from(&displacement[axis]);
             }
@@ -63,17 +68,32 @@ impl QuasiStatic {
                 shift: shifted.then_some(&*shift),
                 tolerance,
             };
-            newton.settle(lattice, displacement, wanted)?;
-            shifted = false;
+            if let Err(unsettled) = newton.settle(lattice, displacement, wanted) {
+                displacement.clone_from(before);
+                part *= 0.5;
+                if !shifted || part < dt / MOST_PARTS {
+                    return Err(unsettled);
+                }
+                continue;
+            }
             fit(moved, lattice.slots());
             combine(moved, displacement, [(-1.0, &*before)]);
-            if !follows || largest([(1.0, &*moved)]) <= 10.0 * tolerance {
-                velocity.iter_mut().for_each(|axis| axis.fill(0.0));
-                return Ok(());
+            let further = largest([(1.0, &*moved)]);
+            if rounds == 0 {
+                left -= part;
             }
+            if follows && further > 10.0 * tolerance {
+                rounds += 1;
+                if rounds > MOST_ROUNDS {
+                    return Err(Unsettled { step: further, slot: 0, iterations: MOST_ROUNDS });
+                }
+                continue;
+            }
+            rounds = 0;
+            part = if left >= 2.0 * part { 2.0 * part } else { part.min(left) };
         }
-        let slot = 0;
-        Err(Unsettled { step: largest([(1.0, &*moved)]), slot, iterations: MOST_ROUNDS })
+        velocity.iter_mut().for_each(|axis| axis.fill(0.0));
+        Ok(())
     }
 
     pub(super) fn effort(&self) -> Effort {
