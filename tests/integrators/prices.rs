@@ -1,7 +1,7 @@
 //! What the integrators cost, and where which pays. Measurements, run by name:
 //!
 //! ```text
-//! cargo test --test integrators price -- --ignored --nocapture --test-threads 1
+//! RAYON_NUM_THREADS=1 cargo test --test integrators price -- --ignored --nocapture --test-threads 1
 //! ```
 
 use std::time::Instant;
@@ -82,9 +82,9 @@ const SLOW: f64 = 0.3;
 #[test]
 #[ignore = "a measurement"]
 fn price_of_the_same_error_where_stiff_and_soft_meet() {
-    for contrast in [1.0, 1e2, 1e4] {
+    for contrast in [1.0, 1e4, 1e6] {
         let drive = |integrator: Integrator, steps: u64| {
-            let (mut world, grab) = kernel(contrast, 14);
+            let (mut world, grab) = kernel(contrast, 7);
             world.set_integrator(integrator);
             let dt = SLOW / steps as f64;
             world.set_dt(dt);
@@ -95,7 +95,7 @@ fn price_of_the_same_error_where_stiff_and_soft_meet() {
             }
             (displacements(&world), started.elapsed().as_secs_f64(), world.effort())
         };
-        let (world, _) = kernel(contrast, 14);
+        let (world, _) = kernel(contrast, 7);
         let limits = Limits::at_rest(world.lattice(), world.topology(), world.assembly());
         let sharp = limits.sharpen(world.lattice(), world.topology(), world.assembly(), 1e5).sharp;
         let least = (SLOW / (SAFETY * sharp)).ceil() as u64;
@@ -107,7 +107,7 @@ fn price_of_the_same_error_where_stiff_and_soft_meet() {
             1e2 * found.iter().zip(&reference).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / size
         };
         println!("contrast {contrast:e}: plain step, {least} steps: {seconds:.2} s, error {:.3} %", error(&plain));
-        for steps in [15, 30, 60, 120, 240, 480] {
+        for steps in [15, 60, 240] {
             let (found, seconds, effort) = drive(Integrator::new(Method::BackwardEuler), steps);
             println!("    backward Euler, {steps} steps: {seconds:.2} s, error {:.3} %, {effort:?}", error(&found));
         }
@@ -120,7 +120,7 @@ fn price_of_the_same_error_where_stiff_and_soft_meet() {
 #[test]
 #[ignore = "a measurement"]
 fn price_of_a_settled_shape() {
-    for cells in [[12, 6, 6], [40, 10, 10], [80, 16, 16]] {
+    for cells in [[12, 6, 6], [40, 10, 10]] {
         let body = TissueBody { youngs_modulus: 4e4, poissons_ratio: 0.4, damping: Damping::Ratio(0.1), ..TISSUE };
         let make = || {
             let mut world = world(tissue_lattice(&block(cells), &[Some(body)]));

@@ -15,9 +15,9 @@
 //!
 //! Always in f64. Where there are several settled shapes (a strip that buckles) it is the one that the shape before leads down to.
 //!
-//! Why not dynamic relaxation: waves cross a body of `n` particles in some `n` steps, and settle after some ten crossings; conjugate
-//! gradients need about one. `cargo test --test integrators settled_shape -- --nocapture` prints both times for the same
-//! hanging beam.
+//! Why not dynamic relaxation, that is the plain step with `[drag]`: it has to be told twice the frequency of the slowest swing and when
+//! to stop, and its steps are as short as the stiffest tissue wants. Where both are known it is the faster of the two:
+//! `cargo test --test integrators price_of_a_settled_shape -- --ignored --nocapture` prints both for the same beams.
 //!
 //! Source: see `newton.rs`.
 
