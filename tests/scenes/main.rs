@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use yawara::dynamics::integrator::Method;
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
 use yawara::material::{ct_density, library};

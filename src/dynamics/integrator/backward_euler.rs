@@ -17,8 +17,10 @@
 //! Cost: some 3 to 8 Newton iterations per step, each of one or two evaluations of the forces and 5 to a hundred products with the
 //! tangent, the more the longer the step. A product costs about four plain steps. That pays only where the plain step is far
 //! shorter than what is looked at, because stiff tissue meets soft or only the slow part of a motion matters;
-//! `RAYON_NUM_THREADS=1 cargo test --test integrators price_of_the_same_error -- --ignored --nocapture` prints where. The iteration ends
-//! when it would move no particle by more than the **tolerance, a length**.
+//! `RAYON_NUM_THREADS=1 cargo test --test integrators price_of_the_same_error -- --ignored --nocapture` prints where. For a small block with a
+//! hard kernel, drawn aside within 0.3 s and to 0.3 % of its motion: all soft, 1.5 s against 0.04 s of the plain step; a kernel
+//! 1e4 times as stiff, 1.8 s against 11 s; 1e6 times, 3.4 s against 62 s. The iteration ends when it would move no particle by more
+//! than the **tolerance, a length**.
 //!
 //! Always in f64, with the memory that takes, see [`PreciseLattice`]: energies decide, and f32 could not tell them apart. The
 //! state of the world is rounded to f32 after each step unless it is wanted in f64 as well; between steps the f64 state is kept.

@@ -44,8 +44,9 @@ const MOST_GRADIENTS: u32 = 2000;
 const FIRST_DAMPING: f64 = 1e-3;
 /// It does not grow beyond this.
 const MOST_DAMPING: f64 = 1.0;
-/// No step is the last with more: it would be shorter than Newton's.
-const MOST_AT_THE_END: f64 = 1e-6;
+/// No step is the last with more: it would be shorter than Newton's. What resists less than this share of a particle's own stiffness
+/// may be left where it is.
+const MOST_AT_THE_END: f64 = 1e-5;
 /// What remains for a settled shape.
 const LEAST_DAMPING: f64 = 1e-8;
 /// A step must bring `Phi` down by this share of what its slope promises.
@@ -77,6 +78,17 @@ pub(super) struct Wanted<'a> {
 struct Value {
     phi: f64,
     scale: f64,
+}
+
+/// How conjugate gradients ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    /// As exact as they were asked to be.
+    Solved,
+    /// They met negative curvature.
+    BendsDown,
+    /// They were not done within [`MOST_GRADIENTS`].
+    OutOfTime,
 }
 
 /// What it took.
@@ -139,7 +151,7 @@ impl Newton {
         let mut length = f64::INFINITY;
         let mut trusted = true;
         // What floats or hangs by a thread is not told where to go by its springs: that is for the damping.
-        let least = if wanted.inertia > 0.0 { 0.0 } else { LEAST_DAMPING };
+        let mut least = if wanted.inertia > 0.0 { 0.0 } else { LEAST_DAMPING };
         let mut damping = if wanted.inertia > 0.0 { 0.0 } else { FIRST_DAMPING };
         for iteration in 0..MOST_ITERATIONS {
             self.effort.iterations += 1;
@@ -149,7 +161,13 @@ impl Newton {
             // As exact as it pays: more so as the iteration comes closer.
             let share = (self.remaining() / first).sqrt().clamp(1e-4, 0.1);
             combine(&mut self.residual, &self.zero, [(-1.0, &self.gradient)]);
-            let solved = self.solve(lattice, share);
+            let outcome = self.solve(lattice, share);
+            let solved = outcome == Outcome::Solved;
+            if outcome == Outcome::OutOfTime {
+                // Too soft somewhere to be told: that is left to more damping from now on.
+                least = (10.0 * least).clamp(LEAST_DAMPING, MOST_AT_THE_END);
+                damping = damping.max(least);
+            }
             length = largest([(1.0, &self.direction)]);
             if solved && length <= wanted.tolerance && damping <= MOST_AT_THE_END {
                 add(place, [(1.0, &self.direction)]);
@@ -317,9 +335,8 @@ impl Newton {
     }
 
     /// Preconditioned conjugate gradients from zero: `direction` such that tangent and inertia turn it into `residual`, but for a
-    /// share of what the preconditioner makes of that. False where it met negative curvature or was not done in time, and
-    /// stopped before.
-    fn solve(&mut self, lattice: &mut PreciseLattice, share: f64) -> bool {
+    /// share of what the preconditioner makes of that.
+    fn solve(&mut self, lattice: &mut PreciseLattice, share: f64) -> Outcome {
         let Self { direction, residual, search, scaled, tangent, inverse, weight, effort, .. } = self;
         precondition(inverse, residual, search);
         direction.iter_mut().for_each(|axis| axis.par_chunks_mut(BLOCK_LEN).for_each(|own| own.fill(0.0)));
@@ -327,7 +344,7 @@ impl Newton {
         let enough = share * share * size;
         for round in 0..MOST_GRADIENTS {
             if size <= enough {
-                return true;
+                return Outcome::Solved;
             }
             effort.products += 1;
             lattice.apply(search, tangent);
@@ -336,7 +353,7 @@ impl Newton {
                 if round == 0 {
                     add(direction, [(1.0, &*search)]);
                 }
-                return false;
+                return Outcome::BendsDown;
             }
             let next = advance(inverse, size / curvature, [search, tangent], [direction, residual, scaled]);
             let turned = next / size;
@@ -349,7 +366,7 @@ impl Newton {
             });
             size = next;
         }
-        false
+        Outcome::OutOfTime
     }
 }
 

@@ -96,6 +96,9 @@ impl PreciseLattice {
     }
 
     /// Takes over what changed in the world: cuts, which particles are free, gravity and drag.
+    ///
+    /// # Panics
+    /// Never: a severed spring had two ends.
     pub fn follow(&mut self, world: &World) {
         let (lattice, topology) = (world.lattice(), world.topology());
         for spring in &topology.severed()[self.severed..] {

@@ -16,8 +16,10 @@
 //! Always in f64. Where there are several settled shapes (a strip that buckles) it is the one that the shape before leads down to.
 //!
 //! Why not dynamic relaxation, that is the plain step with `[drag]`: it has to be told twice the frequency of the slowest swing and when
-//! to stop, and its steps are as short as the stiffest tissue wants. Where both are known it is the faster of the two:
-//! `cargo test --test integrators price_of_a_settled_shape -- --ignored --nocapture` prints both for the same beams.
+//! to stop, and its steps are as short as the stiffest tissue wants. Where both are known it is the faster of the two: a beam of
+//! 4961 particles that sags by 17.5 mm took 3.6 s to 0.1 % of its sag against 5.5 s to 1e-5 mm
+//! (`RAYON_NUM_THREADS=1 cargo test --test integrators price_of_a_settled -- --ignored --nocapture`, on a machine with other work).
+//! Tissue that a cut left in threads can take thousands of conjugate gradients per iteration.
 //!
 //! Source: see `newton.rs`.
 
