@@ -77,6 +77,7 @@ pub(super) fn simulate(
         schedule.limit_in_words(),
         schedule.frames
     ));
+    messages.note(format_args!("{}: {}", scene.time.integrator.name(), scene.time.integrator.cost_in_words()));
     let recorder = Recorder::create(output, scene, Some(scene_toml), &inputs, &prepared, overwrite)?;
     // The volumes are not needed while stepping.
     drop(inputs);

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::facts::{digits, write_columns};
 use super::messages::Messages;
+use crate::dynamics::integrator::Integrator;
 use crate::dynamics::measure::cell_volume;
 use crate::dynamics::stable_dt::SAFETY;
 use crate::dynamics::timeline::Timeline;
@@ -71,6 +72,12 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "stable_dt_is": schedule.limit_in_words(),
         "dt_s": schedule.dt,
         "dt_is_from": if scene.time.dt.is_some() { "scene" } else { "stable_dt" },
+        "integrator": {
+            "method": scene.time.integrator,
+            "cost": scene.time.integrator.cost_in_words(),
+            "tolerance_mm": scene.time.integrator.has_tolerance()
+                .then(|| 1e3 * scene.time.tolerance.unwrap_or(Integrator::TOLERANCE)),
+        },
         "steps": schedule.steps,
         "frames": schedule.frames,
         "frame_mb": frame_bytes as f64 * 1e-6,
@@ -255,7 +262,8 @@ pub(super) fn text(facts: &Value) -> String {
     let count = |key: &str| facts[key].as_u64().unwrap_or(0);
     let plain = |key: &str| facts[key].as_str().unwrap_or_default().to_owned();
     let step = match facts["stable_dt_s"].as_f64() {
-        None => format!("{} s: no spring limits it", short("dt_s")),
+        None if plain("dt_is_from") == "scene" => format!("{} s: as the scene asks; nothing limits it", short("dt_s")),
+        None => format!("{} s: nothing limits it", short("dt_s")),
         Some(bound) if plain("dt_is_from") == "scene" => {
             format!("{} s: as the scene asks; {:.2} of the stable bound", short("dt_s"), number("dt_s") / bound)
         }
@@ -298,6 +306,7 @@ pub(super) fn text(facts: &Value) -> String {
         ("simulated", format!("{} s in {} steps, {} frames", short("duration_s"), count("steps"), count("frames"))),
         ("stable bound", bound),
         ("step", step),
+        ("integrator", integrator_text(&facts["integrator"])),
         ("effects", effects_text(&facts["effects"])),
         ("loop", loop_text(facts)),
         ("time", estimate),
@@ -311,6 +320,13 @@ pub(super) fn text(facts: &Value) -> String {
     write_columns(rows, "", &mut lines);
     organs_text(facts, &mut lines);
     lines.join("\n")
+}
+
+fn integrator_text(integrator: &Value) -> String {
+    let text = |key: &str| integrator[key].as_str().unwrap_or_default().to_owned();
+    let tolerance = integrator["tolerance_mm"].as_f64();
+    let tolerance = tolerance.map_or_else(String::new, |length| format!("; tolerance {} mm", digits(length, 3)));
+    format!("{}: {}{tolerance}", text("method"), text("cost"))
 }
 
 fn effects_text(effects: &Value) -> String {

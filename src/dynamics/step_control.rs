@@ -53,8 +53,10 @@ pub struct StepControl {
     limits: Limits,
     stiffness: SlotConstants,
     inverse_mass: Vec<f32>,
-    /// Damping over stiffness of each slot [s]; `None` when nothing damps.
+    /// Damping over stiffness of each slot [s], as the integrator feels it; `None` when nothing damps.
     damping_time: Option<Vec<f32>>,
+    /// Limit of the integrator over that of the plain step, and the rate of drag it has to resolve [1/s].
+    reach: (f64, f64),
     /// Volume modulus of the whole cell above each slot [Pa].
     modulus: Option<Vec<f32>>,
     /// Fibres of the same cells [Pa^1/2].
@@ -110,12 +112,19 @@ impl StepControl {
             DampingTimes::Same(time) => Some(vec![time; layout.slots()]),
             DampingTimes::PerParticle(times) => Some(to_slots(layout, &times)),
         };
+        let method = world.integrator().method;
+        let damping_time = damping_time.map(|mut times| {
+            times.iter_mut().for_each(|time| *time *= method.damper_share());
+            times
+        });
+        let drag = method.resolved_drag(world.drag_rate());
         let volume = assembly.volume.as_ref();
         let modulus = volume.map(|volume| to_slots(layout, &whole_moduli(lattice, world.topology(), &volume.modulus)));
         Self {
             limits,
             stiffness: SlotConstants::new(layout, &assembly.instant_stiffness()),
             inverse_mass: to_slots(layout, &assembly.mass.iter().map(inverse).collect::<Vec<_>>()),
+            reach: (method.reach(damping_time.is_some() || drag > 0.0), drag),
             damping_time,
             modulus,
             fibres: assembly.fibres.as_ref().map(|term| in_slots(lattice, layout, world.topology(), term)),
@@ -141,6 +150,10 @@ impl StepControl {
     pub fn plan(&mut self, world: &mut World, interval: &mut Interval) -> Result<bool, StepError> {
         if interval.left == 0 {
             return Ok(false);
+        }
+        if world.integrator().method.is_stable_at_any_step() {
+            world.set_dt(interval.dt);
+            return Ok(true);
         }
         // Fast motion is resolved as far as dividing goes; only what would be unstable is refused.
         let finest = interval.dt / (SAFETY * (MOST_PARTS as f64 - 1.0));
@@ -293,6 +306,10 @@ impl StepControl {
                     *a = b + (b * b + 4.0 * *a).sqrt();
                 }
             }
+        }
+        if self.reach != (1.0, 0.0) {
+            let (reach, drag) = self.reach;
+            rate.iter_mut().for_each(|a| *a = (f64::from(*a) / reach + 4.0 * drag) as f32);
         }
     }
 

@@ -70,13 +70,56 @@ pub enum StepError {
         /// Largest number of parts.
         most_parts: u64,
     },
+    /// An adaptive integrator cannot meet its tolerance.
+    #[error(
+        "the error control went down to steps of {part:.3e} s at t = {time:.6} s near ({:.1}, {:.1}, {:.1}) mm and does not meet \
+         time.tolerance = {tolerance:e} mm (a step is divided into at most {most_parts} parts): ask for a larger one (f32 places \
+         are known to about 1e-7 of a displacement), for a smaller time.dt, or lower the force that moves the tissue there",
+        place.x, place.y, place.z
+    )]
+    TooFine {
+        /// When the step began [s].
+        time: f64,
+        /// Rest place of the fastest particle, RAS+ [mm].
+        place: Point3,
+        /// The tolerance [mm].
+        tolerance: f64,
+        /// The part that still had too large an error [s].
+        part: f64,
+        /// Largest number of parts.
+        most_parts: u32,
+    },
+    /// The shape that an implicit integrator looks for was not found.
+    #[error(
+        "no shape was found in which the forces are in balance at t = {time:.6} s: after {iterations} iterations the tissue near \
+         ({:.1}, {:.1}, {:.1}) mm would still move by {step:.2e} mm, more than time.tolerance = {tolerance:e} mm; {hint}",
+        place.x, place.y, place.z
+    )]
+    Unsettled {
+        /// When [s].
+        time: f64,
+        /// Rest place of the particle that would move most, RAS+ [mm].
+        place: Point3,
+        /// How far [mm].
+        step: f64,
+        /// The tolerance [mm].
+        tolerance: f64,
+        /// Iterations taken at most.
+        iterations: u32,
+        /// What to do.
+        hint: &'static str,
+    },
 }
 
 impl StepError {
     /// Rest place of the particle where it began, RAS+ [mm].
     pub fn place(&self) -> Point3 {
         match self {
-            Self::Diverged { place, .. } | Self::Alternates { place, .. } | Self::TooStiff { place, .. } => *place,
+            Self::Diverged { place, .. }
+            | Self::Alternates { place, .. }
+            | Self::TooStiff { place, .. }
+            | Self::TooFine { place, .. }
+            | Self::Unsettled { place, .. } => *place,
         }
     }
 }

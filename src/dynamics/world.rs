@@ -12,6 +12,7 @@ use super::effects::fibres::CellFibres;
 use super::effects::plasticity::YieldedSprings;
 use super::effects::relaxation::MaxwellBranches;
 use super::effects::tearing::Tearing;
+use super::integrator::Integration;
 use super::rigid::Bodies;
 use super::springs::BlockSprings;
 use super::step_error::StepError;
@@ -75,6 +76,8 @@ pub struct World {
     axes: Matrix3,
     pub(super) gravity: Vector3,
     pub(super) arithmetic: Arithmetic,
+    /// `None` for the plain step, symplectic Euler.
+    pub(super) integration: Option<Box<Integration>>,
     /// `None` without drag.
     pub(super) drag: Option<Drag>,
     pub(super) dt: f64,
@@ -140,6 +143,7 @@ impl World {
             axes,
             gravity: Vector3::zeros(),
             arithmetic: Arithmetic::default(),
+            integration: None,
             drag: None,
             dt,
             steps: 0,
@@ -338,7 +342,9 @@ impl World {
         let inner = self.relaxation.as_ref().map_or(0, |springs| springs.bytes())
             + self.plasticity.as_ref().map_or(0, |springs| springs.bytes())
             + self.tearing.as_ref().map_or(0, |tearing| tearing.bytes());
-        (state + self.springs.bytes() + cells + fibres + inner + lattice + constants + rigid + contact) as f64
+        let integration = self.integration.as_ref().map_or(0, |integration| integration.bytes(slots));
+        (state + integration + self.springs.bytes() + cells + fibres + inner + lattice + constants + rigid + contact)
+            as f64
             / self.lattice.len() as f64
     }
 

@@ -7,7 +7,7 @@
 //! cells, [`inner_length`] what springs do beyond elasticity. [`reference`] says what is computed, plainly and in f64. [`linear`] and [`tangent`] are relatives for the stable
 //! step: the stiffness matrix at rest times a vector, and a bound on the tangent stiffness as the lattice stands now;
 //! [`parting`] tells where that may have changed, and [`alternation`] whether motion looks like that of an unstable step.
-//! [`rows`] holds what they share.
+//! [`precise`] has the springs in f64, with their tangent. [`rows`] holds what they share.
 
 pub mod alternation;
 pub mod block;
@@ -18,6 +18,7 @@ pub mod inner_length;
 pub mod laws;
 pub mod linear;
 pub mod parting;
+pub mod precise;
 pub mod reference;
 pub mod rows;
 pub mod simd;

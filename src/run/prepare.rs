@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::dynamics::World;
+use crate::dynamics::integrator::{Integrator, Method};
 use crate::dynamics::stable_dt::{Limits, SAFETY};
 use crate::geometry::Point3;
 use crate::kernel::dispatch::{Arithmetic, InstructionSet};
@@ -24,6 +25,10 @@ const MOST_STEPS: f64 = 1e12;
 
 /// A step that was asked for is refused only after looking for the true limit as hard as a run of so many steps would.
 const WORTH_REFUSING: f64 = 1e4;
+
+/// A step of backward Euler that is not asked for, over the plain step's: its error is then of the size that the frames of
+/// an animation show, and each step still costs less than the plain steps it replaces where stiff and soft tissue meet.
+const LONG_STEP: f64 = 20.0;
 
 /// Why a scene cannot be turned into a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -190,10 +195,28 @@ impl Schedule {
         Ok(Self { dt, stable_dt: limits.sharp, limits, asked: false, steps, frames })
     }
 
+    /// Steps of a method that is stable at any: as asked; or of backward Euler [`LONG_STEP`] of the plain step's, at most
+    /// one frame; or one for each frame.
+    ///
+    /// - `plain`: the largest stable one of the plain step [s].
+    fn of_any_step(time: &TimeSpec, limits: Limits, plain: f64) -> Result<Self, PrepareError> {
+        let longest = if time.integrator == Method::BackwardEuler { LONG_STEP * SAFETY * plain } else { f64::INFINITY };
+        let per_frame = time.duration / time.frames as f64;
+        let steps = (per_frame / longest).ceil().max(1.0);
+        if time.dt.is_some() || !longest.is_finite() || steps * time.frames as f64 > MOST_STEPS {
+            let asked = TimeSpec { dt: time.dt.or(Some(per_frame)), ..*time };
+            let schedule = Self::new(&asked, limits, |limits, _| limits)?;
+            return Ok(Self { asked: time.dt.is_some(), ..schedule });
+        }
+        let asked = TimeSpec { dt: Some(per_frame / steps), ..*time };
+        let schedule = Self::new(&asked, limits, |limits, _| limits)?;
+        Ok(Self { asked: false, steps: time.frames as u64 * steps as u64, ..schedule })
+    }
+
     /// What the stable step is the limit of, in words.
     pub fn limit_in_words(&self) -> &'static str {
         match self.limits {
-            Limits { rest, .. } if rest.is_infinite() => "no spring limits the step",
+            Limits { rest, .. } if rest.is_infinite() => "nothing limits the step",
             Limits { rest, sharp, .. } if sharp > rest => "sharpened: the limit of the whole lattice at rest",
             _ => "the limit at rest, particle by particle",
         }
@@ -225,9 +248,16 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
     // Infinite or zero constants first: they make the limits meaningless.
     range::check(&lattice, &assembly, &names, &rigid, scene.time.dt.unwrap_or(0.0))?;
     let topology = Topology::new(&lattice);
-    let at_rest = Limits::at_rest(&lattice, &topology, &assembly);
-    let sharpen = |limits: Limits, steps: f64| limits.sharpen(&lattice, &topology, &assembly, steps);
-    let schedule = Schedule::new(&scene.time, at_rest, sharpen)?;
+    let drag = scene.drag.unwrap_or(0.0);
+    let schedule = {
+        let (at_rest, sharpen) = scene.time.integrator.limits(&lattice, &topology, &assembly, drag);
+        if scene.time.integrator.is_stable_at_any_step() {
+            let plain = Limits::at_rest(&lattice, &topology, &assembly).rest;
+            Schedule::of_any_step(&scene.time, at_rest, plain)?
+        } else {
+            Schedule::new(&scene.time, at_rest, sharpen)?
+        }
+    };
     range::check(&lattice, &assembly, &names, &rigid, schedule.dt)?;
     Ok(Prepared { lattice, assembly, spreads, schedule })
 }
@@ -239,6 +269,11 @@ impl Prepared {
         world.set_gravity(scene.gravity);
         world.set_drag(scene.drag.unwrap_or(0.0));
         world.set_arithmetic(Arithmetic::new(InstructionSet::best(), scene.time.exact));
+        let integrator = Integrator::new(scene.time.integrator);
+        world.set_integrator(Integrator {
+            tolerance: scene.time.tolerance.unwrap_or(integrator.tolerance),
+            ..integrator
+        });
         world
     }
 }
@@ -255,7 +290,14 @@ mod tests {
 
     #[test]
     fn the_step_divides_a_frame() {
-        let time = TimeSpec { duration: 0.4, frames: 40, dt: None, exact: false };
+        let time = TimeSpec {
+            duration: 0.4,
+            frames: 40,
+            dt: None,
+            integrator: Method::SymplecticEuler,
+            tolerance: None,
+            exact: false,
+        };
         let schedule = schedule(&time, 3.3e-4).unwrap();
         assert!(schedule.dt <= SAFETY * 3.3e-4);
         assert_eq!(schedule.steps % 40, 0);
@@ -266,7 +308,14 @@ mod tests {
 
     #[test]
     fn an_unstable_step_is_refused_with_one_that_works() {
-        let time = TimeSpec { duration: 0.4, frames: 40, dt: Some(1e-3), exact: false };
+        let time = TimeSpec {
+            duration: 0.4,
+            frames: 40,
+            dt: Some(1e-3),
+            integrator: Method::SymplecticEuler,
+            tolerance: None,
+            exact: false,
+        };
         let error = schedule(&time, 3.3e-4).unwrap_err();
         let PrepareError::UnstableStep { suggested, .. } = error else { panic!("{error}") };
         assert!(schedule(&TimeSpec { dt: Some(suggested), ..time }, 3.3e-4).is_ok());
@@ -275,14 +324,28 @@ mod tests {
 
     #[test]
     fn a_run_without_end_is_refused() {
-        let time = TimeSpec { duration: 1e300, frames: 40, dt: None, exact: false };
+        let time = TimeSpec {
+            duration: 1e300,
+            frames: 40,
+            dt: None,
+            integrator: Method::SymplecticEuler,
+            tolerance: None,
+            exact: false,
+        };
         let error = schedule(&time, 1e-3).unwrap_err().to_string();
         assert!(["1e300", "steps", "1.000e-3", "1e12"].iter().all(|part| error.contains(part)), "{error}");
     }
 
     #[test]
     fn a_given_step_is_kept() {
-        let time = TimeSpec { duration: 0.1, frames: 7, dt: Some(1e-3), exact: false };
+        let time = TimeSpec {
+            duration: 0.1,
+            frames: 7,
+            dt: Some(1e-3),
+            integrator: Method::SymplecticEuler,
+            tolerance: None,
+            exact: false,
+        };
         let schedule = schedule(&time, 2e-3).unwrap();
         assert_eq!((schedule.dt, schedule.steps), (1e-3, 100));
         assert_eq!(schedule.step_of_frame(7), 100);

@@ -173,6 +173,11 @@ impl Recorder {
             schedule.steps,
             schedule.stable_dt,
         ))?;
+        writer.log(&format!(
+            "integrator: {}, {}",
+            scene.time.integrator.name(),
+            scene.time.integrator.cost_in_words()
+        ))?;
         drop(extras);
         let by_hu = scene.organs.iter().any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }));
         Ok(Self {

@@ -9,9 +9,12 @@ use std::path::{Path, PathBuf};
 use super::checks::Checks;
 use super::diagnostics::{KeyPath, Located, Source};
 use super::problem::{Caution, Problem, number};
-use super::resolved::{Action, Body, LatticeSpec, Model, PhantomKind, Scene, TimeSpec, VolumeSource};
+use super::resolved::{
+    Action, Body, Inelastic, LatticeSpec, Model, Operation, Organ, PhantomKind, Scene, TimeSpec, VolumeSource,
+};
 use super::schema::{self, SceneFile};
 use super::{operations, organs};
+use crate::dynamics::integrator::Method;
 use crate::geometry::Vector3;
 use crate::phantom::SPACING_MM;
 
@@ -60,6 +63,7 @@ pub(super) fn resolve(
     let drag = file.drag.as_ref().map(|drag| checks.above_zero(&KeyPath::top("drag").key("rate"), drag.rate, "1/s"));
     let organs = organs::organs(&mut checks, file, lattice.model, folder, label_names);
     let operations = operations::operations(&mut checks, file, time.map(|time| time.duration), folder);
+    plain_step_only(&mut checks, time, organs.as_deref(), operations.as_deref());
     let in_order_of_text = |found: &Located<Problem>| (found.place.line, found.place.column);
     checks.problems.sort_by_key(in_order_of_text);
     if !checks.problems.is_empty() {
@@ -155,7 +159,46 @@ fn time(checks: &mut Checks<'_>, written: &schema::Time) -> Option<TimeSpec> {
         let expected = format!("at most one frame per step, and there are {} steps", number(steps));
         checks.out_of_range(&table.key("frames"), frames.to_string(), expected);
     }
-    Some(TimeSpec { duration, frames: usize::try_from(frames).ok()?, dt, exact: written.exact })
+    let integrator = written.integrator.unwrap_or_default();
+    let tolerance = written.tolerance.map(|length| checks.above_zero(&table.key("tolerance"), length, "mm") * 1e-3);
+    if tolerance.is_some() && !integrator.has_tolerance() {
+        let next =
+            "leave `tolerance` out, or take \"bogacki_shampine\", \"backward_euler\" or \"quasi_static\"".to_owned();
+        let second = format!("integrator = \"{}\"", integrator.name());
+        checks.problem(&table.key("tolerance"), Problem::Conflict { first: "tolerance".into(), second, next });
+    }
+    let frames = usize::try_from(frames).ok()?;
+    Some(TimeSpec { duration, frames, dt, integrator, tolerance, exact: written.exact })
+}
+
+/// Refuses what only the plain step has, where another integrator is asked for.
+fn plain_step_only(
+    checks: &mut Checks<'_>,
+    time: Option<TimeSpec>,
+    organs: Option<&[Organ]>,
+    operations: Option<&[Operation]>,
+) {
+    let Some(integrator) = time.map(|time| time.integrator).filter(|&method| method != Method::SymplecticEuler) else {
+        return;
+    };
+    let obstacle = operations.into_iter().flatten().find_map(|operation| match operation.action {
+        Action::Tool { .. } => Some(format!("tool {}", operation.name)),
+        Action::Plane { .. } => Some(format!("plane {}", operation.name)),
+        Action::Bone { .. } => Some("contact.bone".to_owned()),
+        _ => None,
+    });
+    let free = organs.into_iter().flatten().find(|organ| matches!(organ.body, Body::Rigid { density: Some(_) }));
+    let free = free.map(|organ| format!("organ {} that is rigid and moves", organ.name));
+    let flowing = organs.into_iter().flatten().find(|organ| organ.inelastic != Inelastic::default());
+    let flowing = flowing.map(|organ| format!("organ {} that relaxes, yields or tears", organ.name));
+    if let Some(second) = obstacle.or(free).or(flowing) {
+        let first = format!("integrator = \"{}\"", integrator.name());
+        let next =
+            "only \"symplectic_euler\", the default, has contact, rigid bodies that move, relaxation, plasticity and tearing: \
+             leave `integrator` out"
+                .to_owned();
+        checks.problem(&KeyPath::top("time").key("integrator"), Problem::Conflict { first, second, next });
+    }
 }
 
 /// Warnings about the scene as a whole.

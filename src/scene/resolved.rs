@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::property::{kept, kept_or_none};
+use crate::dynamics::integrator::Method;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::region::Region;
 
@@ -273,6 +274,12 @@ pub struct TimeSpec {
     /// Time step [s]; `None` lets the program choose a stable one.
     #[serde(rename = "dt_s")]
     pub dt: Option<f64>,
+    /// How the scene goes on in time.
+    #[serde(default)]
+    pub integrator: Method,
+    /// Tolerance of an integrator that has one [m]; `None` takes the program's.
+    #[serde(rename = "tolerance_m", default)]
+    pub tolerance: Option<f64>,
     /// Whether forces are computed with the same bits on every instruction set.
     #[serde(default)]
     pub exact: bool,
@@ -537,7 +544,14 @@ mod tests {
                 },
                 organ("f", labels(10), measured),
             ],
-            time: TimeSpec { duration: 0.4, frames: 40, dt: None, exact: false },
+            time: TimeSpec {
+                duration: 0.4,
+                frames: 40,
+                dt: None,
+                integrator: Method::SymplecticEuler,
+                tolerance: None,
+                exact: false,
+            },
             gravity: Vector3::new(0.0, 0.0, -9.81),
             drag: Some(0.3),
             operations: actions
@@ -607,7 +621,7 @@ mod tests {
             proptest::prop_assume!(duration.is_finite());
             let scene = Scene {
                 lattice: LatticeSpec { model: Model::Paper, pitch: Some(pitch) },
-                time: TimeSpec { duration, frames: 1, dt: None, exact: false },
+                time: TimeSpec { duration, frames: 1, dt: None, integrator: Method::SymplecticEuler, tolerance: None, exact: false },
                 ..scene()
             };
             let text = serde_json::to_string(&scene).unwrap();

@@ -11,6 +11,7 @@ use serde::Deserialize;
 use super::resolved::{Model, PhantomKind};
 use super::values::{ColorPoint, LabelList, Pair, Triple, some_table, table, tables};
 use super::written_property::{Density, Written, YoungsModulus};
+use crate::dynamics::integrator::Method;
 
 /// A scene of yawara: which organs, which material, what is done to them, and when.
 ///
@@ -267,6 +268,15 @@ pub(super) struct Time {
     /// Time step [s], above 0. Default: chosen by the program so that the run is stable. Example: `dt = 1e-4`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) dt: Option<f64>,
+    /// How the scene goes on in time. Default: "symplectic_euler", the plain step, the only one with rigid bodies that move and
+    /// with obstacles. "verlet" is of order 2 and "rk4" of order 4; "bogacki_shampine" divides its steps until each keeps a
+    /// tolerance; "backward_euler" is stable at any step and damps what is fast; "quasi_static" knows no motion, only the
+    /// settled shape at each step. Example: `integrator = "verlet"`.
+    pub(super) integrator: Option<Method>,
+    /// Largest error of a place [mm], above 0: per step of "bogacki_shampine", and where the iteration of
+    /// "backward_euler" and "quasi_static" ends. Default: 1e-5. Example: `tolerance = 1e-4`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) tolerance: Option<f64>,
     /// Computes forces with true square roots and nothing fused: the same bits on every instruction set, but slower (see
     /// `yawara bench effects`). Without it the last bits belong to the machine's instruction set; results are the same at any
     /// number of threads either way. Default: false. Example: `exact = true`.

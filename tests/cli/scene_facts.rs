@@ -184,3 +184,18 @@ fn what_acts_besides_springs_is_listed() {
     assert!(shorter < 0.8, "{shorter}");
     assert!(plain["effects"]["drag_per_s"].is_null());
 }
+
+#[test]
+fn an_integrator_is_named_before_and_in_the_run() {
+    let folder = Folder::new();
+    let scene = CUBE.replace("dt = 5e-4", "dt = 5e-4\nintegrator = \"bogacki_shampine\"\ntolerance = 1e-3");
+    folder.write("cube.toml", scene);
+    let name = "bogacki_shampine: order 3 with error control, four force evaluations per step";
+    folder.yawara(&["info", "cube.toml"]).done().prints(&[name, "tolerance 0.001 mm"]);
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    assert_eq!(facts["integrator"]["method"], "bogacki_shampine");
+    near(&facts["integrator"]["tolerance_mm"], 1e-3);
+    folder.yawara(&["run", "cube.toml", "-o", "out"]).done().says(&[name]);
+    folder.write("plain.toml", CUBE);
+    folder.yawara(&["info", "plain.toml"]).done().prints(&["symplectic_euler: order 1, one force evaluation per step"]);
+}

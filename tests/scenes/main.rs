@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use yawara::dynamics::integrator::Method;
 use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::region::Region;
 use yawara::material::{ct_density, library};
@@ -90,7 +91,7 @@ fn every_bad_scene_is_refused_with_its_message() {
     }
     assert_eq!(files.len(), BAD_SCENES);
 }
-const BAD_SCENES: usize = 182;
+const BAD_SCENES: usize = 188;
 
 #[test]
 fn every_shipped_scene_resolves_without_a_warning_and_survives_json() {
@@ -153,7 +154,17 @@ fn what_is_left_out_has_defaults() {
     assert_eq!((scene.lattice.model, scene.lattice.pitch), (Model::Tissue, None));
     assert_eq!(scene.organs[0].voxels, VoxelSelection::Labels(vec![5]));
     assert_eq!(scene.organs[0].body, tissue(Property::Constant(5e3), 0.25, 1060.0, Damping::Ratio(0.1)));
-    assert_eq!(scene.time, TimeSpec { duration: 0.4, frames: 30, dt: None, exact: false });
+    assert_eq!(
+        scene.time,
+        TimeSpec {
+            duration: 0.4,
+            frames: 30,
+            dt: None,
+            integrator: Method::SymplecticEuler,
+            tolerance: None,
+            exact: false
+        }
+    );
     assert_eq!((scene.gravity, scene.drag), (Vector3::zeros(), None));
     let action = Action::Force { region: Region::Organ(0), force: Vector3::new(0.0, -3.0, 0.0), ramp: 0.0 };
     let pull = Operation { name: "pull 1".into(), from: 0.0, until: f64::INFINITY, action };
@@ -277,7 +288,17 @@ fn units_become_si_and_names_become_numbers() {
     assert_eq!(scene.organs[0].color, [1.0; 3]);
     assert_eq!(scene.organs[1].voxels, VoxelSelection::Hu { min: 300.0, max: 3000.0 });
     assert_eq!(scene.organs[1].body, Body::Rigid { density: None });
-    assert_eq!(scene.time, TimeSpec { duration: 0.02, frames: 20, dt: Some(1e-3), exact: false });
+    assert_eq!(
+        scene.time,
+        TimeSpec {
+            duration: 0.02,
+            frames: 20,
+            dt: Some(1e-3),
+            integrator: Method::SymplecticEuler,
+            tolerance: None,
+            exact: false
+        }
+    );
     assert_eq!(scene.gravity, Vector3::new(0.0, -9.81, 0.0));
 }
 

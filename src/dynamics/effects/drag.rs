@@ -49,6 +49,11 @@ impl World {
         self.drag = (rate > 0.0).then_some(Drag { rate });
     }
 
+    /// The rate of drag [1/s]; 0 without.
+    pub(in crate::dynamics) fn drag_rate(&self) -> f64 {
+        self.drag.map_or(0.0, |drag| drag.rate)
+    }
+
     /// After the drives, before bodies move: slows what is free. Brings the largest squared speed of each block up to date.
     pub(in crate::dynamics) fn apply_drag(&mut self, fastest: &mut [f32]) {
         let Some(drag) = self.drag else { return };

@@ -213,6 +213,40 @@ impl PressedFaces {
         mut moved: impl FnMut(usize, &[Vec<f32>; 3]),
     ) {
         let Pushed { lattice, topology, layout, displacement, velocity, dt_over_mass, mut rigid } = world;
+        let slot = |particle: u32| layout.slot[particle as usize] as usize;
+        let place = |particle: u32| {
+            let slot = slot(particle);
+            Vector3::from([0, 1, 2].map(|axis| f64::from(displacement[axis][slot])))
+        };
+        let pressure = self.pressure;
+        self.each(lattice, topology, place, |particle, sum| {
+            let (impulse, slot) = (sum * (pressure * dt), slot(particle));
+            if let Some(rigid) = &mut rigid
+                && let Some(body) = rigid.of_slot(slot as u32)
+            {
+                rigid.push(body, impulse, lattice, particle);
+                return;
+            }
+            if dt_over_mass[slot] > 0.0 {
+                let kick = impulse * (f64::from(dt_over_mass[slot]) / dt);
+                for axis in 0..3 {
+                    velocity[axis][slot] += kick[axis] as f32;
+                }
+                moved(slot, velocity);
+            }
+        });
+    }
+
+    /// Calls back with the force of 1 Pa on every corner [N/Pa]; not at all while the pressure is 0.
+    ///
+    /// - `place`: displacement of a particle [m].
+    pub(in crate::dynamics) fn each(
+        &mut self,
+        lattice: &Lattice,
+        topology: &Topology,
+        place: impl Fn(u32) -> Vector3 + Sync,
+        mut push: impl FnMut(u32, Vector3),
+    ) {
         if topology.severed().len() > self.severed {
             self.severed = topology.severed().len();
             let before = self.faces.len();
@@ -224,11 +258,6 @@ impl PressedFaces {
         if self.pressure == 0.0 {
             return;
         }
-        let slot = |particle: u32| layout.slot[particle as usize] as usize;
-        let place = |particle: u32| {
-            let slot = slot(particle);
-            Vector3::from([0, 1, 2].map(|axis| f64::from(displacement[axis][slot])))
-        };
         self.unit.par_iter_mut().zip(&self.faces).with_min_len(CHUNK).for_each(|(unit, face)| {
             let rest = face.rest();
             *unit = unit_forces(std::array::from_fn(|c| rest[c] * lattice.pitch + place(face.corners[c])));
@@ -236,20 +265,7 @@ impl PressedFaces {
         for (index, &particle) in self.particles.iter().enumerate() {
             let own = &self.around[self.first[index] as usize..self.first[index + 1] as usize];
             let sum: Vector3 = own.iter().map(|&place| self.unit[place as usize / 4][place as usize % 4]).sum();
-            let (impulse, slot) = (sum * (self.pressure * dt), slot(particle));
-            if let Some(rigid) = &mut rigid
-                && let Some(body) = rigid.of_slot(slot as u32)
-            {
-                rigid.push(body, impulse, lattice, particle);
-                continue;
-            }
-            if dt_over_mass[slot] > 0.0 {
-                let kick = impulse * (f64::from(dt_over_mass[slot]) / dt);
-                for axis in 0..3 {
-                    velocity[axis][slot] += kick[axis] as f32;
-                }
-                moved(slot, velocity);
-            }
+            push(particle, sum);
         }
     }
 }

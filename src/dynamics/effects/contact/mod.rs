@@ -79,9 +79,10 @@ impl World {
     /// - `friction`: Coulomb's coefficient, 0 or more.
     ///
     /// # Panics
-    /// If `friction` is negative or not finite.
+    /// If `friction` is negative or not finite, or the world has another integrator than the plain step.
     pub fn add_obstacle(&mut self, name: &str, shape: Shape, friction: f64) -> Handle {
         assert!(friction >= 0.0 && friction.is_finite(), "friction is 0 or more");
+        assert!(self.integration.is_none(), "only the plain step has contact");
         let placed = Placed::new(name, shape, friction, &self.lattice, self.layout.blocks.len());
         let mut contact = self.contact.take().unwrap_or_else(|| Box::new(self.no_obstacles()));
         contact.obstacles.push(placed);
