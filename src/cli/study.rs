@@ -14,7 +14,8 @@ use crate::io::atomic::write_file;
 use crate::kernel::dispatch::InstructionSet;
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
-use crate::study::choice::METHODS;
+use crate::scene::resolved::{Scene, needs_plain_step};
+use crate::study::choice::methods_for;
 use crate::study::ledger::FILE;
 use crate::study::plan::{Options, Plan};
 use crate::study::report::{Page, markdown};
@@ -46,7 +47,7 @@ pub(super) struct StudyArguments {
     /// Pitches to try [mm]; all are compared with the finest [default: 2, 1.5, 1 and 0.75 times that of the scene].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = positive)]
     pitches: Option<Vec<f64>>,
-    /// Integrators to try [default: all].
+    /// Integrators to try: symplectic_euler, verlet, rk4 [default: all that the scene can be stepped with].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     integrators: Option<Vec<String>>,
     /// Arithmetic to try: fast, exact, or both.
@@ -79,12 +80,15 @@ fn arithmetic(text: &str) -> Result<bool, String> {
 }
 
 impl StudyArguments {
-    fn options(&self) -> anyhow::Result<Options> {
-        let all = || METHODS.iter().map(|method| method.name.to_owned()).collect();
+    fn options(&self, scene: &Scene) -> anyhow::Result<Options> {
+        let methods = methods_for(scene);
+        let all = || methods.iter().map(|method| method.name().to_owned()).collect();
         let integrators: Vec<String> = self.integrators.clone().unwrap_or_else(all);
-        if let Some(unknown) = integrators.iter().find(|name| METHODS.iter().all(|method| method.name != *name)) {
-            let known: Vec<&str> = METHODS.iter().map(|method| method.name).collect();
-            bail!("--integrators: there is no `{unknown}`; there is {}", known.join(", "));
+        if let Some(unknown) = integrators.iter().find(|name| methods.iter().all(|method| method.name() != *name)) {
+            let known: Vec<&str> = methods.iter().map(|method| method.name()).collect();
+            let reason = needs_plain_step(&scene.organs, &scene.operations)
+                .map_or_else(String::new, |what| format!(" for this scene, which has {what}"));
+            bail!("--integrators: there is no `{unknown}`{reason}; there is {}", known.join(", "));
         }
         Ok(Options {
             finenesses: self.steps.clone(),
@@ -129,8 +133,8 @@ pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::
         Source::Scene | Source::Volume => {}
         other => return Err(other.refuse(&arguments.scene, "a scene (TOML)")),
     }
-    let options = arguments.options()?;
     let (scene, warnings) = crate::scene::load(&arguments.scene, &Files)?;
+    let options = arguments.options(&scene)?;
     warnings.iter().for_each(|warning| messages.warning(warning));
     if let Some(dt) = scene.time.dt {
         messages.note(format_args!(

@@ -10,7 +10,7 @@ use super::checks::Checks;
 use super::diagnostics::{KeyPath, Located, Source};
 use super::problem::{Caution, Problem, number};
 use super::resolved::{
-    Action, Body, Inelastic, LatticeSpec, Model, Operation, Organ, PhantomKind, Scene, TimeSpec, VolumeSource,
+    Action, Body, LatticeSpec, Model, Operation, Organ, PhantomKind, Scene, TimeSpec, VolumeSource, needs_plain_step,
 };
 use super::schema::{self, SceneFile};
 use super::{operations, organs};
@@ -181,17 +181,8 @@ fn plain_step_only(
     let Some(integrator) = time.map(|time| time.integrator).filter(|&method| method != Method::SymplecticEuler) else {
         return;
     };
-    let obstacle = operations.into_iter().flatten().find_map(|operation| match operation.action {
-        Action::Tool { .. } => Some(format!("tool {}", operation.name)),
-        Action::Plane { .. } => Some(format!("plane {}", operation.name)),
-        Action::Bone { .. } => Some("contact.bone".to_owned()),
-        _ => None,
-    });
-    let free = organs.into_iter().flatten().find(|organ| matches!(organ.body, Body::Rigid { density: Some(_) }));
-    let free = free.map(|organ| format!("organ {} that is rigid and moves", organ.name));
-    let flowing = organs.into_iter().flatten().find(|organ| organ.inelastic != Inelastic::default());
-    let flowing = flowing.map(|organ| format!("organ {} that relaxes, yields or tears", organ.name));
-    if let Some(second) = obstacle.or(free).or(flowing) {
+    let (organs, operations) = (organs.unwrap_or_default(), operations.unwrap_or_default());
+    if let Some(second) = needs_plain_step(organs, operations) {
         let first = format!("integrator = \"{}\"", integrator.name());
         let next =
             "only \"symplectic_euler\", the default, has contact, rigid bodies that move, relaxation, plasticity and tearing: \

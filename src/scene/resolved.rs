@@ -117,6 +117,21 @@ pub struct Organ {
     pub look: Option<Look>,
 }
 
+/// What of a scene only the plain step has, in words; `None` when every integrator will do.
+pub fn needs_plain_step(organs: &[Organ], operations: &[Operation]) -> Option<String> {
+    let obstacle = operations.iter().find_map(|operation| match operation.action {
+        Action::Tool { .. } => Some(format!("tool {}", operation.name)),
+        Action::Plane { .. } => Some(format!("plane {}", operation.name)),
+        Action::Bone { .. } => Some("contact.bone".to_owned()),
+        _ => None,
+    });
+    let free = organs.iter().find(|organ| matches!(organ.body, Body::Rigid { density: Some(_) }));
+    let free = free.map(|organ| format!("organ {} that is rigid and moves", organ.name));
+    let flowing = organs.iter().find(|organ| organ.inelastic != Inelastic::default());
+    let flowing = flowing.map(|organ| format!("organ {} that relaxes, yields or tears", organ.name));
+    obstacle.or(free).or(flowing)
+}
+
 /// Fibres of one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,22 +2,40 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::dynamics::integrator;
 use crate::run::prepare::Schedule;
-use crate::scene::resolved::Scene;
+use crate::scene::resolved::{Scene, needs_plain_step};
 
 /// A way to step through time, as far as a study has to know it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Method {
-    /// Its name in scenes.
-    pub name: &'static str,
+    /// Which.
+    pub integrator: integrator::Method,
     /// Its error goes with this power of the step.
     pub order: f64,
     /// Forces are computed so often in a step.
     pub evaluations: u64,
 }
 
-/// All integrators there are. One more takes a line here, and its name in the scene that [`Choice::apply`] makes.
-pub const METHODS: &[Method] = &[Method { name: "symplectic_euler", order: 1.0, evaluations: 1 }];
+impl Method {
+    /// Its name in scenes.
+    pub fn name(&self) -> &'static str {
+        self.integrator.name()
+    }
+}
+
+/// The integrators whose error goes with a power of the step and whose step costs the same everywhere: those that a grid of
+/// steps says something about. The others choose steps or iterations themselves.
+pub const METHODS: &[Method] = &[
+    Method { integrator: integrator::Method::SymplecticEuler, order: 1.0, evaluations: 1 },
+    Method { integrator: integrator::Method::Verlet, order: 2.0, evaluations: 1 },
+    Method { integrator: integrator::Method::Rk4, order: 4.0, evaluations: 4 },
+];
+
+/// Those that a scene can be stepped with.
+pub fn methods_for(scene: &Scene) -> &'static [Method] {
+    if needs_plain_step(&scene.organs, &scene.operations).is_some() { &METHODS[..1] } else { METHODS }
+}
 
 /// One point of the grid of choices.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,13 +60,15 @@ impl Choice {
 
     /// Its integrator.
     pub fn method(&self) -> Option<&'static Method> {
-        METHODS.iter().find(|method| method.name == self.integrator)
+        METHODS.iter().find(|method| method.name() == self.integrator)
     }
 
     /// The scene with this choice made and so many instants as frames; the step is left to [`Choice::schedule`].
     pub fn apply(&self, scene: &Scene, instants: usize) -> Scene {
         let mut scene = at_pitch(scene, self.pitch_mm, instants);
         scene.time.exact = self.exact;
+        scene.time.tolerance = None;
+        scene.time.integrator = self.method().map_or_else(integrator::Method::default, |method| method.integrator);
         scene
     }
 

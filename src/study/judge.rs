@@ -98,7 +98,7 @@ struct Judge<'a> {
 impl<'a> Judge<'a> {
     /// Whether others may be judged by a choice.
     fn is_judge(&self, choice: &Choice) -> bool {
-        choice.integrator == self.plan.judge.name && choice.exact == self.exact
+        choice.integrator == self.plan.judge.name() && choice.exact == self.exact
     }
 
     /// Runs of a pitch that others are judged by, coarsest step first.

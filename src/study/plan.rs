@@ -44,7 +44,7 @@ impl Default for Options {
         Self {
             finenesses: vec![1.0, 2.0, 4.0, 8.0],
             pitches_mm: None,
-            integrators: METHODS.iter().map(|method| method.name.to_owned()).collect(),
+            integrators: vec![METHODS[0].name().to_owned()],
             exact: vec![false, true],
             resolutions_mm: None,
             repeats: 3,
@@ -104,7 +104,7 @@ pub fn plan(
     let base = *levels.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     let finest = *levels.iter().min_by(|a, b| a.pitch_mm.total_cmp(&b.pitch_mm))?;
     let methods: Vec<&Method> =
-        options.integrators.iter().filter_map(|name| METHODS.iter().find(|method| method.name == *name)).collect();
+        options.integrators.iter().filter_map(|name| METHODS.iter().find(|method| method.name() == *name)).collect();
     let judge = *methods.iter().rev().max_by(|a, b| a.order.total_cmp(&b.order))?;
     let mut planner = Planner {
         left: STEPPING * options.budget_seconds,
@@ -175,7 +175,7 @@ fn cost(level: &ProbeLine, method: &Method, fineness: f64) -> f64 {
 }
 
 fn choice(level: &ProbeLine, method: &Method, fineness: f64, exact: bool) -> Choice {
-    Choice { integrator: method.name.to_owned(), pitch_mm: level.pitch_mm, fineness, exact }
+    Choice { integrator: method.name().to_owned(), pitch_mm: level.pitch_mm, fineness, exact }
 }
 
 struct Planner<'a> {

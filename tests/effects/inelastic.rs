@@ -320,9 +320,9 @@ fn the_stable_step_counts_branches() {
 
 #[test]
 fn scenes_are_checked() {
-    let scene = |organ: &str| {
+    let scene = |organ: &str, time: &str| {
         let text = format!(
-            "[volume]\nphantom = \"cube\"\nspacing = 5.0\n[time]\nduration = 0.1\nframes = 1\n\
+            "[volume]\nphantom = \"cube\"\nspacing = 5.0\n[time]\nduration = 0.1\nframes = 1\n{time}\
              [[organ]]\nname = \"cube\"\nlabel = \"cube\"\n{organ}\n"
         );
         scene::parse(&text, Path::new("s.toml"), Path::new("/"), &Files)
@@ -337,7 +337,11 @@ fn scenes_are_checked() {
         (&format!("{tissue}plasticity = {{ yield_strain = 0.1, time = -1 }}"), "plasticity.time"),
         (&format!("{tissue}tear_strain = 0"), "tear_strain"),
     ] {
-        let error = scene(organ).unwrap_err().to_string();
+        let error = scene(organ, "").unwrap_err().to_string();
         assert!(error.contains(key), "{organ}: {error}");
     }
+    let tears = format!("{tissue}tear_strain = 0.5");
+    assert!(scene(&tears, "").is_ok());
+    let error = scene(&tears, "integrator = \"verlet\"\n").unwrap_err().to_string();
+    assert!(error.contains("time.integrator") && error.contains("tears"), "{error}");
 }
