@@ -155,16 +155,22 @@ fn summary(findings: &Findings) -> Vec<String> {
         ));
     }
     if let Some(law) = base.and_then(|level| level.time_order) {
+        // The order is that of the integrator which others are judged by.
+        let mut references =
+            findings.rows.iter().filter(|row| row.choice.pitch_mm == findings.base_mm && row.reference);
+        let choice = references.next().map_or(&rows[0].choice, |row| &row.choice);
+        let own = |row: &Row| row.choice.integrator == choice.integrator && row.choice.exact == choice.exact;
         let points: Vec<[f64; 2]> = rows
             .iter()
-            .filter(|row| row.shows_order && row.choice.exact == rows[0].choice.exact)
+            .filter(|row| row.shows_order && own(row))
             .filter_map(|row| Some([row.time_error?.rms_mm, row.least_seconds()]))
             .collect();
         let digit = fit(&points).map_or(String::new(), |cost| {
             format!("; a digit more costs {} times the time", two(10_f64.powf(-cost.slope)))
         });
         sentences.push(format!(
-            "The error of the step goes with its power {:.2}: half the step, {} of the error{digit}.",
+            "The error of the step of {} goes with its power {:.2}: half the step, {} of the error{digit}.",
+            choice.integrator,
             law.slope,
             two(0.5_f64.powf(law.slope))
         ));

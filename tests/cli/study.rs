@@ -29,8 +29,22 @@ ramp = 0.02
 "#;
 
 /// Two pitches, two steps and a reference of each, exact arithmetic.
-const STUDY: [&str; 12] =
-    ["study", "block.toml", "-o", "s", "--steps", "1,2", "--pitches", "20,10", "--repeats", "1", "--budget", "3"];
+const STUDY: [&str; 14] = [
+    "study",
+    "block.toml",
+    "-o",
+    "s",
+    "--steps",
+    "1,2",
+    "--pitches",
+    "20,10",
+    "--repeats",
+    "1",
+    "--budget",
+    "3",
+    "--integrators",
+    "symplectic_euler",
+];
 
 #[test]
 fn a_study_says_what_accuracy_costs_and_goes_on_where_it_was() {
