@@ -154,11 +154,10 @@ fn summary(findings: &Findings) -> Vec<String> {
             two(largest)
         ));
     }
-    if let Some(law) = base.and_then(|level| level.time_order) {
-        // The order is that of the integrator which others are judged by.
-        let mut references =
-            findings.rows.iter().filter(|row| row.choice.pitch_mm == findings.base_mm && row.reference);
-        let choice = references.next().map_or(&rows[0].choice, |row| &row.choice);
+    // The order is that of the integrator which others are judged by.
+    let reference = findings.rows.iter().find(|row| row.choice.pitch_mm == findings.base_mm && row.reference);
+    let judge = reference.or(rows.first().copied());
+    if let (Some(law), Some(Row { choice, .. })) = (base.and_then(|level| level.time_order), judge) {
         let own = |row: &Row| row.choice.integrator == choice.integrator && row.choice.exact == choice.exact;
         let points: Vec<[f64; 2]> = rows
             .iter()
