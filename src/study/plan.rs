@@ -103,20 +103,30 @@ pub fn plan(
     let away = |level: &ProbeLine| (level.pitch_mm / scene_pitch_mm).ln().abs();
     let base = *levels.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     let finest = *levels.iter().min_by(|a, b| a.pitch_mm.total_cmp(&b.pitch_mm))?;
-    let methods: Vec<&Method> =
+    let mut methods: Vec<&Method> =
         options.integrators.iter().filter_map(|name| METHODS.iter().find(|method| method.name() == *name)).collect();
-    let judge = *methods.iter().rev().max_by(|a, b| a.order.total_cmp(&b.order))?;
-    let mut planner = Planner {
-        left: STEPPING * options.budget_seconds,
-        known,
-        plan: Plan { tasks: Vec::new(), left_out: Vec::new(), base_mm: base.pitch_mm, judge },
-    };
+    let left = STEPPING * options.budget_seconds;
+    // Fast where it is asked for, or what is asked for.
+    let usual = !options.exact.contains(&false);
     let mut finenesses = options.finenesses.clone();
     finenesses.sort_by(f64::total_cmp);
     finenesses.dedup();
     let (coarsest, most) = (*finenesses.first()?, *finenesses.last()?);
-    // Fast where it is asked for, or what is asked for.
-    let usual = !options.exact.contains(&false);
+    // Two steps of each are the least that says anything; the dearest go first where there is no time for them.
+    let mut dropped = Vec::new();
+    methods.sort_by_key(|method| method.evaluations);
+    while let [_, .., dearest] = methods[..]
+        && methods.iter().map(|method| cost(base, method, coarsest) + cost(base, method, 2.0 * coarsest)).sum::<f64>()
+            > BASE * left
+        && !known(&choice(base, dearest, coarsest, usual))
+    {
+        dropped.push(dearest);
+        methods.pop();
+    }
+    let judge = *methods.iter().rev().max_by(|a, b| a.order.total_cmp(&b.order))?;
+    let mut planner =
+        Planner { left, known, plan: Plan { tasks: Vec::new(), left_out: Vec::new(), base_mm: base.pitch_mm, judge } };
+    dropped.into_iter().for_each(|method| planner.leave_out(base, method, coarsest, usual));
 
     // The scene's own pitch: as fine as the time allows, the finest for reference.
     let mut ladder = [&finenesses[..], &[2.0 * most]].concat();
@@ -233,6 +243,26 @@ mod tests {
         };
         assert_eq!([reference(3.0), reference(2.25), reference(6.0)], [vec![16.0], vec![2.0], vec![16.0]]);
         assert!(all.tasks.iter().all(|task| task.repeats == if task.reference { 1 } else { 3 }));
+    }
+
+    #[test]
+    fn dear_integrators_are_left_out_where_there_is_no_time_for_them() {
+        let integrators: Vec<String> = METHODS.iter().map(|method| method.name().to_owned()).collect();
+        let judge = |budget_seconds: f64| {
+            let options = Options { integrators: integrators.clone(), budget_seconds, ..Options::default() };
+            let plan = plan(&[probe(3.0, 1e-2)], &options, 3.0, &|_| false).unwrap();
+            assert!(plan.tasks.iter().filter(|task| task.choice.integrator == plan.judge.name()).count() >= 2);
+            let named = |name: &String| {
+                plan.tasks
+                    .iter()
+                    .map(|task| &task.choice)
+                    .chain(plan.left_out.iter().map(|left| &left.choice))
+                    .any(|choice| choice.integrator == *name)
+            };
+            assert!(integrators.iter().all(named), "{plan:?}");
+            plan.judge.name()
+        };
+        assert_eq!([judge(1.0), judge(1e4)], ["symplectic_euler", "rk4"]);
     }
 
     #[test]

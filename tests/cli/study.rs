@@ -108,7 +108,9 @@ fn a_study_says_what_accuracy_costs_and_goes_on_where_it_was() {
     let before = folder.tree("s");
     folder.yawara(&STUDY).refused(&["the scene or a volume of it has changed", "--overwrite", "another folder"]);
     assert_eq!(folder.tree("s"), before);
-    let anew = ["study", "block.toml", "-o", "s", "--steps", "1", "--pitches", "20", "--repeats", "1", "--overwrite"];
+    let mut anew = STUDY.to_vec();
+    (anew[5], anew[7]) = ("1", "20");
+    anew.push("--overwrite");
     folder.yawara(&anew).done().says(&["3 runs planned"]);
     let runs = std::fs::read_dir(folder.path("s/runs")).unwrap().count();
     assert_eq!(runs, 3, "runs of the old study are gone");
