@@ -27,7 +27,9 @@ pub(super) fn organs(scene: &Scene, inputs: &Inputs) -> Result<Organs, PrepareEr
     let pitch = scene.lattice.pitch.map_or(mean, |pitch| pitch * 1e3);
     let same = spacing.iter().all(|s| (s / pitch - 1.0).abs() < SAME_SPACING);
     let cropped = match native.bounding_box(|&organ| organ != 0) {
-        Some(part) => native.crop(&part.grown([1; 3], native.shape())),
+        Some(part) if same => native.crop(&part.grown([1; 3], native.shape())),
+        // Cells of another pitch begin where the organs do, so that a body of whole cells is made of whole cells.
+        Some(part) => native.crop(&part),
         None => return Err(BuildLatticeError::Empty.into()),
     };
     let grid = || grid_with_spacing(cropped.grid(), [pitch; 3]);
