@@ -127,6 +127,8 @@ pub mod plot;
 pub mod run;
 
 pub mod study;
+
+pub mod accuracy;
 pub mod verify;
 
 pub mod cli;

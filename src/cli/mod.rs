@@ -3,6 +3,7 @@
 //! One file per subcommand. Results go to standard output, messages and progress to standard error; progress only on a
 //! terminal.
 
+mod accuracy;
 mod args;
 mod bench;
 mod check;

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use super::accuracy::percent;
 use super::facts::{digits, write_columns};
 use super::messages::Messages;
 use crate::dynamics::integrator::Integrator;
@@ -71,6 +72,7 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "stable_dt_s": schedule.stable_dt.is_finite().then_some(schedule.stable_dt),
         "stable_dt_is": schedule.limit_in_words(),
         "dt_s": schedule.dt,
+        "accuracy_asked": scene.accuracy,
         "dt_is_from": if scene.time.dt.is_some() { "scene" } else { "stable_dt" },
         "integrator": {
             "method": scene.time.integrator,
@@ -313,6 +315,13 @@ pub(super) fn text(facts: &Value) -> String {
     ];
     let mut lines = Vec::new();
     let mut rows = rows.map(|(key, value)| vec![key.to_owned(), value]).to_vec();
+    if let Some(asked) = facts["accuracy_asked"].as_f64() {
+        let text = format!(
+            "{} asked: `yawara run` chooses by trials what is not given here as the scene has it by itself",
+            percent(asked)
+        );
+        rows.insert(1, vec!["accuracy".to_owned(), text]);
+    }
     for (place, obstacle) in facts["obstacles"].as_array().into_iter().flatten().enumerate() {
         let key = if place == 0 { "obstacles" } else { "" };
         rows.insert(rows.len() - 1, vec![key.to_owned(), obstacle_text(obstacle)]);

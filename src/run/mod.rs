@@ -16,7 +16,7 @@ pub mod label_lookup;
 mod materials;
 pub mod meshes;
 mod obstacle_forces;
-mod organs;
+pub(crate) mod organs;
 pub mod paint;
 pub mod prepare;
 mod range;

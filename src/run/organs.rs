@@ -19,12 +19,22 @@ pub(super) struct Organs {
     pub(super) native: LabelVolume,
 }
 
+/// Spacing of a scene's volume: the pitch it has unless the scene names one [mm]. `None` without a volume.
+pub(crate) fn own_pitch_mm(inputs: &Inputs) -> Option<f64> {
+    let grid = inputs.labels.as_ref().map(LabelVolume::grid).or(inputs.image.as_ref().map(|image| image.grid()))?;
+    Some(pitch_of(&grid.affine.spacing()))
+}
+
+/// The pitch of voxels: the edge of a cube of their volume.
+fn pitch_of(spacing: &[f64; 3]) -> f64 {
+    spacing.iter().product::<f64>().cbrt()
+}
+
 /// Chooses the voxels of every organ and brings them to the scene's pitch.
 pub(super) fn organs(scene: &Scene, inputs: &Inputs) -> Result<Organs, PrepareError> {
     let native = native_organs(scene, inputs)?;
     let spacing = native.grid().affine.spacing();
-    let mean = spacing.iter().product::<f64>().cbrt();
-    let pitch = scene.lattice.pitch.map_or(mean, |pitch| pitch * 1e3);
+    let pitch = scene.lattice.pitch.map_or(pitch_of(&spacing), |pitch| pitch * 1e3);
     let same = spacing.iter().all(|s| (s / pitch - 1.0).abs() < SAME_SPACING);
     let cropped = match native.bounding_box(|&organ| organ != 0) {
         Some(part) if same => native.crop(&part.grown([1; 3], native.shape())),

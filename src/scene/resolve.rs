@@ -23,6 +23,8 @@ const DEFAULT_SEED: u64 = 1;
 const DEFAULT_FRAMES: u64 = 30;
 /// Bounds of a pitch [mm]: wide enough for anything seen in CT, narrow enough to catch a pitch given in metres.
 const PITCH: [f64; 2] = [0.01, 100.0];
+/// Bounds of an accuracy: f32 keeps no more, and worse is no result.
+const ACCURACY: [f64; 2] = [1e-6, 0.5];
 /// More frames than anybody plays back, few enough for six digits in a file name.
 const MAX_FRAMES: u64 = 100_000;
 /// Steps of a run, so that a mistyped `dt` is refused and not run for years.
@@ -56,6 +58,7 @@ pub(super) fn resolve(
     let volume = volume(&mut checks, &file.volume, folder);
     let lattice = lattice(&mut checks, &file.lattice);
     let time = time(&mut checks, &file.time);
+    accuracy(&mut checks, file);
     let gravity = file.gravity.as_ref().map_or(Vector3::zeros(), |gravity| {
         let key = KeyPath::top("gravity").key("acceleration");
         Vector3::from(checks.triple(&key, gravity.acceleration, "m/s2"))
@@ -73,7 +76,7 @@ pub(super) fn resolve(
     let (Some(volume), Some(time), Some(organs), Some(operations)) = (volume, time, organs, operations) else {
         return Err(checks.problems);
     };
-    let scene = Scene { volume, lattice, organs, time, gravity, drag, operations };
+    let scene = Scene { volume, lattice, organs, accuracy: file.accuracy, time, gravity, drag, operations };
     look_over(&mut checks, &scene);
     checks.cautions.sort_by_key(|found| (found.place.line, found.place.column));
     Ok((scene, checks.cautions))
@@ -169,6 +172,24 @@ fn time(checks: &mut Checks<'_>, written: &schema::Time) -> Option<TimeSpec> {
     }
     let frames = usize::try_from(frames).ok()?;
     Some(TimeSpec { duration, frames, dt, integrator, tolerance, exact: written.exact })
+}
+
+/// The bound is in its range, and nothing is given that it is to choose.
+fn accuracy(checks: &mut Checks<'_>, file: &SceneFile) {
+    let Some(asked) = file.accuracy else { return };
+    let key = KeyPath::top("accuracy");
+    if !(ACCURACY[0]..=ACCURACY[1]).contains(&asked) {
+        let expected = "1e-6 to 0.5, an error over the largest displacement, such as accuracy = 0.02";
+        checks.out_of_range(&key, number(asked), expected);
+    }
+    let time = &file.time;
+    let chosen =
+        [("dt", time.dt.is_some()), ("integrator", time.integrator.is_some()), ("tolerance", time.tolerance.is_some())];
+    for (second, _) in chosen.into_iter().filter(|(_, given)| *given) {
+        let next = format!("leave time.{second} out and let the program choose it, or leave `accuracy` out");
+        let problem = Problem::Conflict { first: "accuracy".into(), second: format!("time.{second}"), next };
+        checks.problem(&KeyPath::top("time").key(second), problem);
+    }
 }
 
 /// Refuses what only the plain step has, where another integrator is asked for.

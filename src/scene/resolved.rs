@@ -25,6 +25,10 @@ pub struct Scene {
     pub lattice: LatticeSpec,
     /// Organs, in the order of the scene; a voxel belongs to the first that selects it. At least one, at most 255.
     pub organs: Vec<Organ>,
+    /// Largest error that pitch and steps may make, over the largest displacement; `None` where the scene or the program's
+    /// defaults choose them. See [`crate::accuracy`].
+    #[serde(default)]
+    pub accuracy: Option<f64>,
     /// Duration, frames and step.
     pub time: TimeSpec,
     /// Acceleration of every particle that is free to move, RAS+ [m/s^2].
@@ -559,6 +563,7 @@ mod tests {
                 },
                 organ("f", labels(10), measured),
             ],
+            accuracy: Some(0.1 + 0.2),
             time: TimeSpec {
                 duration: 0.4,
                 frames: 40,

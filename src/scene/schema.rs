@@ -21,6 +21,13 @@ use crate::dynamics::integrator::Method;
 #[serde(deny_unknown_fields)]
 #[schemars(title = "yawara scene")]
 pub(super) struct SceneFile {
+    /// Largest error of the whole run, from 1e-6 to 0.5: how far particles are from where ever finer lattices and shorter steps
+    /// would have them (root mean square over the tissue, at the worst frame), over the largest displacement. The program chooses
+    /// integrator and step for it, and, unless `lattice.pitch` is given, the pitch too; it tries coarse lattices first, says what it
+    /// chose and why, and at the end what it reached. Comes before all tables. Default: none; pitch and step are chosen for
+    /// themselves. Example: `accuracy = 0.02`.
+    #[schemars(extend("minimum" = 1e-6, "maximum" = 0.5))]
+    pub(super) accuracy: Option<f64>,
     /// Where the voxels come from: files, or a phantom made by the program.
     #[serde(deserialize_with = "table")]
     pub(super) volume: Volume,

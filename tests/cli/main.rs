@@ -1,5 +1,6 @@
 //! The program itself, run in an empty folder: help, exit codes, messages, and what it leaves on disk.
 
+mod accuracy;
 mod bad_input;
 mod bad_output;
 mod help;

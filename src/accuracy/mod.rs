@@ -1,0 +1,28 @@
+//! `accuracy = 0.01` in a scene: the program chooses pitch, integrator and step, and says what it reached.
+//!
+//! ```text
+//! probes (coarse lattices) ──► choice ──► run ──► judge ──► kept
+//!                                ▲                  │
+//!                                └──── again ◄──────┴────► missed
+//! ```
+//! **What is promised.** The error of a run is the root mean square over the particles of soft tissue of how far they are from
+//! where vanishing pitch and step would have them, at the worst of up to [`trial::INSTANTS`] frames, over the largest displacement
+//! of any of them. Where a scene names its pitch (or has model `paper`, whose constants belong to one), that lattice is
+//! what it asks for, and the error is that of stepping alone.
+//!
+//! **How.** A lattice with twice the pitch costs a sixteenth. So the search begins with coarse ones ([`search`]): there the steps of one
+//! integrator against those of another tell what stepping costs ([`steps`]), and what a finer lattice changes tells the power of the
+//! pitch that the error follows ([`space`]). Each run is judged by the coarser ones before it, or by one with
+//! other steps. All choices rest on counted steps, never on a clock, so that the same scene makes the same choices on every machine.
+//!
+//! **When it fails.** Half-spaces and blades that take in other particles at each pitch, damping by `damping_ratio`, which fades with the
+//! pitch, and borders drawn in voxels converge slowly. When no lattice that can be paid for reaches the bound, the run is made at
+//! the volume's own spacing, and the estimate and the pitch it would take are told.
+
+pub mod search;
+mod space;
+mod steps;
+pub mod trial;
+
+pub use search::{AccuracyError, Estimate, Search, Verdict};
+pub use trial::{Choice, Collector, Trial};

@@ -1,0 +1,430 @@
+//! Which pitch, integrator and step keep a bound: probes, choices, and the judgement of runs.
+
+use super::space::{SpaceError, space_error};
+use super::steps::{Law, better, error_mm, least_price};
+use super::trial::{Choice, Trial};
+use crate::dynamics::StepError;
+use crate::dynamics::integrator::Method;
+use crate::dynamics::timeline::TimelineError;
+use crate::run::inputs::Inputs;
+use crate::run::organs::own_pitch_mm as own_pitch;
+use crate::run::prepare::PrepareError;
+use crate::scene::resolved::{Model, Scene, needs_plain_step};
+
+/// Pitches that are tried, in spacings of the volume: what is made of whole cells at one of them is so at most of them.
+const PITCHES: [f64; 11] = [16.0, 12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5];
+/// A lattice says something about finer ones when it has so many particles.
+const LEAST_PARTICLES: usize = 120;
+/// No lattice with more is chosen unless the scene names its pitch.
+const MOST_PARTICLES: f64 = 3e6;
+/// Share of the bound that is left to steps where the pitch is chosen too.
+const STEPS_SHARE: f64 = 0.2;
+/// The next pitch is chosen for this share of the bound, so that it need not be done again.
+const ROOM: f64 = 0.75;
+/// Lattices that are needed to know the power of the pitch.
+const KNOWN: usize = 3;
+/// With fewer, an error counts as known below this share of the bound.
+const UNKNOWN: f64 = 0.5;
+/// Runs that are judged at most.
+const ROUNDS: usize = 6;
+/// Steps of a run that another is judged by, over its own.
+const CHECK: [f64; 2] = [0.5, 6.0];
+/// No shorter steps than this are chosen.
+const FINEST_STEPS: f64 = 256.0;
+
+/// Why no run could be chosen.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AccuracyError {
+    /// The scene cannot be prepared.
+    #[error(transparent)]
+    Prepare(#[from] PrepareError),
+    /// The scene's operations cannot be applied.
+    #[error(transparent)]
+    Timeline(#[from] TimelineError),
+    /// A trial diverged.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}
+
+/// What a search tells while it goes on.
+#[derive(Debug)]
+pub enum Told<'a> {
+    /// A trial begins.
+    Begins(&'a Choice),
+    /// This share of its time is done, 0 to 1.
+    At(f64),
+    /// It is over.
+    Ended(&'a Trial),
+    /// It cannot be run, and a finer lattice is tried.
+    Unusable(&'a Choice, &'a AccuracyError),
+}
+
+/// The estimated error of a run, relative to the largest displacement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Of stepping.
+    pub steps: f64,
+    /// Of the pitch; `None` where the scene names it.
+    pub pitch: Option<f64>,
+    /// The power of the pitch that this follows; `None` likewise.
+    pub order: Option<f64>,
+    /// Largest displacement of a judged particle [mm].
+    pub largest_mm: f64,
+}
+
+impl Estimate {
+    /// Of both together.
+    pub fn error(&self) -> f64 {
+        self.steps + self.pitch.unwrap_or(0.0)
+    }
+}
+
+/// What becomes of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// Its error is within the bound.
+    Kept(Estimate),
+    /// It is not, and another choice may be.
+    Again(Estimate, Choice),
+    /// It is not, and no choice would be; why, and what to do.
+    Missed(Estimate, String),
+}
+
+/// The search for a scene.
+pub struct Search<'a> {
+    scene: &'a Scene,
+    inputs: &'a Inputs,
+    /// The bound, relative to the largest displacement.
+    asked: f64,
+    /// Spacing of the volume [mm].
+    own_mm: f64,
+    /// The pitch that the scene names [mm].
+    fixed_mm: Option<f64>,
+    /// Integrators other than the plain step will do.
+    any_method: bool,
+    /// Where stepping was tried [mm].
+    probed_mm: f64,
+    laws: Vec<Law>,
+    /// Runs for stepping, on the lattice that was tried.
+    probes: Vec<Trial>,
+    /// Runs for the pitch, coarsest first; where the scene names it, on that lattice.
+    levels: Vec<Trial>,
+    /// Nothing better is to be had.
+    last: Option<String>,
+}
+
+/// Spacing of a scene's volume, the pitch it has by itself [mm].
+pub(super) fn own_pitch_mm(inputs: &Inputs) -> f64 {
+    own_pitch(inputs).unwrap_or(1.0)
+}
+
+impl<'a> Search<'a> {
+    /// The search for a scene; `None` when it asks for no accuracy.
+    pub fn new(scene: &'a Scene, inputs: &'a Inputs) -> Option<Self> {
+        let asked = scene.accuracy?;
+        let own_mm = own_pitch_mm(inputs);
+        let named = scene.lattice.pitch.map(|pitch| pitch * 1e3);
+        let fixed_mm = named.or((scene.lattice.model == Model::Paper).then_some(own_mm));
+        let any_method = needs_plain_step(&scene.organs, &scene.operations).is_none();
+        Some(Self {
+            scene,
+            inputs,
+            asked,
+            own_mm,
+            fixed_mm,
+            any_method,
+            probed_mm: 0.0,
+            laws: Vec::new(),
+            probes: Vec::new(),
+            levels: Vec::new(),
+            last: None,
+        })
+    }
+
+    /// The bound, relative to the largest displacement.
+    pub fn asked(&self) -> f64 {
+        self.asked
+    }
+
+    /// The pitch that the scene names, and that is not judged [mm].
+    pub fn fixed_mm(&self) -> Option<f64> {
+        self.fixed_mm
+    }
+
+    /// All runs in memory so far.
+    pub fn trials(&self) -> impl Iterator<Item = &Trial> {
+        self.probes.iter().chain(&self.levels)
+    }
+
+    /// What to run first, after probes on coarse lattices.
+    ///
+    /// # Errors
+    /// If the scene cannot be run at any pitch.
+    pub fn first(&mut self, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Choice, AccuracyError> {
+        if let Some(pitch_mm) = self.fixed_mm {
+            let plain = Choice { pitch_mm, method: Method::SymplecticEuler, fineness: 1.0 };
+            // The constants of model "paper" mean something else at another pitch.
+            if self.scene.lattice.model == Model::Paper || !self.probe(2.0 * pitch_mm, tell).unwrap_or(false) {
+                return Ok(plain);
+            }
+            let bound_mm = self.asked * self.probes[0].largest_mm;
+            return self.choose(pitch_mm, bound_mm, tell);
+        }
+        let own_mm = self.own_mm;
+        let mut pitches = PITCHES.iter().map(|share| share * own_mm).peekable();
+        while let Some(pitch_mm) = pitches.next() {
+            match self.probe(pitch_mm, tell) {
+                Ok(true) => break,
+                // A finer lattice may have what this one lacks.
+                Err(error) if pitches.peek().is_none() => return Err(error),
+                Ok(false) | Err(_) => {}
+            }
+        }
+        let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
+        let here = self.choose(self.probed_mm, bound_mm, tell)?;
+        let coarsest = match self.probes.iter().find(|probe| probe.choice == here) {
+            Some(probe) => probe.clone(),
+            None => self.run(here, tell)?,
+        };
+        self.levels.push(coarsest);
+        let pitch_mm = self.at_most(self.probed_mm / 1.4);
+        self.choose(pitch_mm, bound_mm, tell)
+    }
+
+    /// What to run in place of a choice that diverged: a finer lattice. `None` where there is none, or the scene names its pitch.
+    ///
+    /// # Errors
+    /// If the scene cannot be run there.
+    pub fn in_place_of(
+        &mut self,
+        choice: &Choice,
+        tell: &mut dyn FnMut(&Told<'_>),
+    ) -> Result<Option<Choice>, AccuracyError> {
+        let finer_mm = self.at_most(0.99 * choice.pitch_mm);
+        if self.fixed_mm.is_some() || finer_mm >= 0.999 * choice.pitch_mm {
+            return Ok(None);
+        }
+        let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
+        self.choose(finer_mm, bound_mm, tell).map(Some)
+    }
+
+    /// Judges a run of the last choice.
+    ///
+    /// # Errors
+    /// If a run that it takes to judge this one cannot be made.
+    pub fn judge(&mut self, trial: Trial, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Verdict, AccuracyError> {
+        match self.fixed_mm {
+            Some(_) => self.judge_steps(trial, tell),
+            None => self.judge_pitch(trial, tell),
+        }
+    }
+
+    /// Where the pitch is chosen: by the lattices before.
+    fn judge_pitch(&mut self, trial: Trial, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Verdict, AccuracyError> {
+        let Choice { pitch_mm, method, .. } = trial.choice;
+        let (largest_mm, dt, particles) = (trial.largest_mm, trial.dt, trial.len() as f64);
+        self.levels.push(trial);
+        let law = self.laws.iter().find(|law| law.method == method);
+        let steps_mm = law.map_or(0.0, |law| law.error_mm(dt));
+        let share = |mm: f64| if largest_mm > 0.0 { mm / largest_mm } else { 0.0 };
+        let judged = |found: Option<SpaceError>| Estimate {
+            steps: share(steps_mm),
+            pitch: found.map(|found| share(found.error_mm)),
+            order: found.map(|found| found.order),
+            largest_mm,
+        };
+        let mut found = space_error(&self.levels);
+        let mut estimate = judged(found);
+        // Two lattices do not tell whether the error falls with the pitch at all. A third between them costs less than a finer one.
+        let unsure = UNKNOWN * self.asked..=self.asked;
+        if self.levels.len() < KNOWN
+            && unsure.contains(&estimate.error())
+            && let Some(between_mm) = self.between(pitch_mm)
+        {
+            let choice = self.choose(between_mm, STEPS_SHARE * self.asked * largest_mm, tell)?;
+            if let Ok(between) = self.run(choice, tell) {
+                self.levels.insert(1, between);
+                found = space_error(&self.levels);
+                estimate = judged(found);
+            }
+        }
+        let Some(found) = found else {
+            let why = "cuts leave no cell whole that could be compared; name a lattice.pitch, and accuracy will look after the steps";
+            return Ok(Verdict::Missed(estimate, why.to_owned()));
+        };
+        if estimate.error() <= self.asked {
+            return Ok(Verdict::Kept(estimate));
+        }
+        let known = self.levels.len() >= KNOWN;
+        if let Some(why) = self.last.take() {
+            return Ok(Verdict::Missed(estimate, why));
+        }
+        let bound_mm = self.asked * largest_mm;
+        let finest_mm = 0.5 * self.own_mm.max(2.0 * pitch_mm * (particles / MOST_PARTICLES).cbrt());
+        let wish_mm = found.pitch(pitch_mm, ROOM * (bound_mm - steps_mm).max(0.1 * bound_mm));
+        let next_mm = self.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.5 }));
+        let mut next_mm = if next_mm < pitch_mm { next_mm } else { self.at_most(0.99 * pitch_mm) };
+        let finer = next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
+        if (known && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
+            let SpaceError { order, .. } = found;
+            let many = particles * (pitch_mm / wish_mm).powi(3);
+            let why = format!(
+                "the error falls with the power {order:.1} of the pitch: some {wish_mm:.2} mm, with {many:.0e} particles, would be \
+                 needed; name that lattice.pitch if you can wait for it, or ask for less"
+            );
+            // The lattice that the scene would have without being asked for accuracy is the best offer.
+            if pitch_mm <= self.own_mm * 1.001 || self.own_mm < finest_mm {
+                return Ok(Verdict::Missed(estimate, why));
+            }
+            next_mm = self.own_mm;
+            self.last = Some(why);
+        }
+        let choice = self.choose(next_mm, STEPS_SHARE * bound_mm, tell)?;
+        Ok(Verdict::Again(estimate, choice))
+    }
+
+    /// Where the scene names the pitch: by another run on the same lattice.
+    fn judge_steps(&mut self, trial: Trial, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Verdict, AccuracyError> {
+        let Choice { pitch_mm, method, fineness } = trial.choice;
+        let (largest_mm, dt) = (trial.largest_mm, trial.dt);
+        let here = self.probes.iter().chain(&self.levels).filter(|other| other.choice.pitch_mm == pitch_mm);
+        let mut known = here.filter_map(|other| error_mm(&trial, other)).next_back();
+        // Where the step control divides steps, those asked for may come out the same.
+        let mut ratio = if fineness >= 2.0 { 0.5 } else { 1.5 };
+        while known.is_none() && (CHECK[0]..=CHECK[1]).contains(&ratio) {
+            let other = self.run(Choice { fineness: ratio * fineness, ..trial.choice }, tell)?;
+            known = error_mm(&trial, &other);
+            self.levels.push(other);
+            ratio = if ratio < 1.0 { 1.5 } else { 2.0 * ratio };
+        }
+        self.levels.push(trial);
+        let error = known.unwrap_or(f64::INFINITY);
+        let share = if largest_mm > 0.0 { error / largest_mm } else { 0.0 };
+        let estimate = Estimate { steps: share, pitch: None, order: None, largest_mm };
+        if share <= self.asked {
+            return Ok(Verdict::Kept(estimate));
+        }
+        self.laws.retain(|law| law.method != method);
+        if error.is_finite() {
+            self.laws.push(Law { method, dt, error_mm: error });
+        }
+        if self.probes.is_empty() {
+            // No coarser lattice could be tried: this one has been.
+            self.probed_mm = pitch_mm;
+            self.probes = self.levels.clone();
+        }
+        let choice = self.choose(pitch_mm, self.asked * largest_mm, tell)?;
+        if choice.fineness > FINEST_STEPS
+            || self.levels.len() > ROUNDS
+            || choice == self.levels[self.levels.len() - 1].choice
+        {
+            let why = "shorter steps do not help: cuts, contact or the rounding of f32 decide; ask for less".to_owned();
+            return Ok(Verdict::Missed(estimate, why));
+        }
+        Ok(Verdict::Again(estimate, choice))
+    }
+
+    /// Tries the plain step on a lattice; false when that has too few particles.
+    fn probe(&mut self, pitch_mm: f64, tell: &mut dyn FnMut(&Told<'_>)) -> Result<bool, AccuracyError> {
+        let plain = Choice { pitch_mm, method: Method::SymplecticEuler, fineness: 1.0 };
+        let (_, prepared) = plain.prepare(self.scene, self.inputs)?;
+        let finest = pitch_mm < 1.01 * PITCHES[PITCHES.len() - 1] * self.own_mm;
+        if prepared.lattice.len() < LEAST_PARTICLES && !finest {
+            return Ok(false);
+        }
+        drop(prepared);
+        self.probed_mm = pitch_mm;
+        self.probes.clear();
+        self.laws.clear();
+        let learnt = self.learn(Method::SymplecticEuler, tell);
+        if let Err(error) = &learnt {
+            tell(&Told::Unusable(&plain, error));
+        }
+        learnt.map(|()| true)
+    }
+
+    /// Finds the error of an integrator on the lattice that is tried.
+    fn learn(&mut self, method: Method, tell: &mut dyn FnMut(&Told<'_>)) -> Result<(), AccuracyError> {
+        let own = Choice { pitch_mm: self.probed_mm, method, fineness: 1.0 };
+        let other = Choice { fineness: 2.0, ..own };
+        let [own, other] = [self.probed(own, tell)?, self.probed(other, tell)?];
+        let run = &self.probes[own];
+        if let Some(error_mm) = error_mm(run, &self.probes[other]) {
+            self.laws.push(Law { method, dt: run.dt, error_mm });
+        }
+        Ok(())
+    }
+
+    /// Number of a probe, which is run if it was not yet.
+    fn probed(&mut self, choice: Choice, tell: &mut dyn FnMut(&Told<'_>)) -> Result<usize, AccuracyError> {
+        if let Some(number) = self.probes.iter().position(|probe| probe.choice == choice) {
+            return Ok(number);
+        }
+        let trial = self.run(choice, tell)?;
+        self.probes.push(trial);
+        Ok(self.probes.len() - 1)
+    }
+
+    fn run(&self, choice: Choice, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Trial, AccuracyError> {
+        tell(&Told::Begins(&choice));
+        let trial = Trial::run(choice, self.scene, self.inputs, &mut |share| tell(&Told::At(share)))?;
+        tell(&Told::Ended(&trial));
+        Ok(trial)
+    }
+
+    /// The cheapest integrator and step whose error at a pitch is within a bound. Better integrators are tried while they might
+    /// be cheaper.
+    fn choose(
+        &mut self,
+        pitch_mm: f64,
+        bound_mm: f64,
+        tell: &mut dyn FnMut(&Told<'_>),
+    ) -> Result<Choice, AccuracyError> {
+        loop {
+            // Stable steps go with the pitch.
+            let stable = |law: &Law| {
+                let runs = self.probes.iter().chain(&self.levels).filter(|run| run.choice.method == law.method);
+                let nearest = runs.min_by(|a, b| {
+                    let away = |run: &Trial| (run.choice.pitch_mm / pitch_mm).ln().abs();
+                    away(a).total_cmp(&away(b))
+                });
+                nearest.map_or(law.dt, |run| run.dt * run.choice.fineness * pitch_mm / run.choice.pitch_mm)
+            };
+            let price = |law: &Law| law.price(stable(law), bound_mm);
+            let Some(best) = self.laws.iter().min_by(|a, b| price(a).total_cmp(&price(b))) else {
+                return Ok(Choice { pitch_mm, method: Method::SymplecticEuler, fineness: 1.0 });
+            };
+            let choice = Choice { pitch_mm, method: best.method, fineness: best.fineness(stable(best), bound_mm) };
+            let last = self
+                .laws
+                .iter()
+                .map(|law| law.method)
+                .max_by(|a, b| super::steps::order(*a).total_cmp(&super::steps::order(*b)));
+            let next = last.and_then(better).filter(|_| self.any_method && !self.probes.is_empty());
+            match next {
+                Some(next) if least_price(next, stable(best)) < price(best) => {
+                    let laws = self.laws.len();
+                    self.learn(next, tell)?;
+                    if self.laws.len() == laws {
+                        return Ok(choice);
+                    }
+                }
+                _ => return Ok(choice),
+            }
+        }
+    }
+
+    /// A pitch between the coarsest lattice and one of this pitch [mm].
+    fn between(&self, pitch_mm: f64) -> Option<f64> {
+        let coarsest_mm = self.levels.first()?.choice.pitch_mm;
+        let inside = |own: &f64| *own > 1.1 * pitch_mm && 1.1 * *own < coarsest_mm;
+        PITCHES.iter().map(|share| share * self.own_mm).filter(inside).last()
+    }
+
+    /// The largest pitch of those tried that is at most so large [mm].
+    fn at_most(&self, pitch_mm: f64) -> f64 {
+        let all = PITCHES.iter().map(|share| share * self.own_mm);
+        all.into_iter().find(|own| *own <= 1.001 * pitch_mm).unwrap_or(PITCHES[PITCHES.len() - 1] * self.own_mm)
+    }
+}

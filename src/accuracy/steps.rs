@@ -1,0 +1,74 @@
+//! What stepping costs: the error of each integrator on one lattice, and the cheapest that keeps a bound.
+//!
+//! On one lattice the error of an integrator of order `p` is `C dt^p`. Two runs with different steps tell `C` (Richardson, 1911): they
+//! are `C (dt^p - dt'^p)` apart. Another integrator with the same steps would not do: the plain step and Verlet's have the same error of
+//! phase.
+
+use super::trial::Trial;
+use crate::dynamics::integrator::Method;
+
+/// Integrators that are tried, with their order and what a step costs in plain steps: evaluations of the forces, and a fifth
+/// more for the fields they are summed in.
+const TRIED: [(Method, f64, f64); 3] =
+    [(Method::SymplecticEuler, 1.0, 1.0), (Method::Verlet, 2.0, 1.2), (Method::Rk4, 4.0, 4.8)];
+/// Steps are chosen this much shorter than the law asks for.
+const ROOM: f64 = 0.8;
+
+/// Shorter steps are trusted to make the error smaller by no more than this.
+const MOST_GAINED: f64 = 4.0;
+
+/// The known error of an integrator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Law {
+    pub(super) method: Method,
+    /// A step [s].
+    pub(super) dt: f64,
+    /// Its error [mm].
+    pub(super) error_mm: f64,
+}
+
+pub(super) fn order(method: Method) -> f64 {
+    TRIED.iter().find(|tried| tried.0 == method).map_or(1.0, |tried| tried.1)
+}
+
+/// The next integrator that is better than one, if there is one.
+pub(super) fn better(method: Method) -> Option<Method> {
+    let place = TRIED.iter().position(|tried| tried.0 == method)?;
+    TRIED.get(place + 1).map(|tried| tried.0)
+}
+
+/// The error of a run [mm], by one of the same integrator with other steps on the same lattice. `None` where the steps are almost the
+/// same, or the integrators are not.
+pub(super) fn error_mm(run: &Trial, other: &Trial) -> Option<f64> {
+    if run.choice.method != other.choice.method {
+        return None;
+    }
+    let apart = run.distance(other)?.rms_mm;
+    let ratio = (run.dt / other.dt).powf(order(run.choice.method));
+    // Rounding and divided steps do not fall with a high power.
+    let ratio = ratio.max(1.0 / MOST_GAINED);
+    ((ratio - 1.0).abs() > 0.2).then(|| apart * ratio / (ratio - 1.0).abs())
+}
+
+impl Law {
+    /// How much shorter than `dt` the steps have to be for an error of at most `bound_mm`; 1 at least.
+    pub(super) fn fineness(&self, dt: f64, bound_mm: f64) -> f64 {
+        let here = self.error_mm * (dt / self.dt).powf(order(self.method));
+        if here <= bound_mm { 1.0 } else { (here / (ROOM * bound_mm)).powf(order(self.method).recip()) }
+    }
+
+    /// The error of steps of `dt` [mm].
+    pub(super) fn error_mm(&self, dt: f64) -> f64 {
+        self.error_mm * (dt / self.dt).powf(order(self.method))
+    }
+
+    /// Time that reaches a bound [plain steps per second of simulated time], with the largest stable step `dt`.
+    pub(super) fn price(&self, dt: f64, bound_mm: f64) -> f64 {
+        least_price(self.method, dt) * self.fineness(dt, bound_mm)
+    }
+}
+
+/// What the largest stable step `dt` of an integrator costs [plain steps per second of simulated time].
+pub(super) fn least_price(method: Method, dt: f64) -> f64 {
+    TRIED.iter().find(|tried| tried.0 == method).map_or(1.0, |tried| tried.2) / dt
+}

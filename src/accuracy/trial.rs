@@ -1,0 +1,205 @@
+//! One run of a scene with choices made, kept in memory to be compared.
+
+use crate::dynamics::World;
+use crate::dynamics::integrator::Method;
+use crate::dynamics::timeline::Timeline;
+use crate::geometry::Vector3;
+use crate::lattice::{Lattice, Topology};
+use crate::run::drive::{DriveError, Frame, Observer, drive};
+use crate::run::inputs::Inputs;
+use crate::run::prepare::{Prepared, Schedule, prepare};
+use crate::scene::resolved::Scene;
+use crate::study::deviation::{Deviation, between_lattices, judged, on_one_lattice};
+
+use super::search::AccuracyError;
+
+/// Frames that are compared at most.
+pub const INSTANTS: usize = 8;
+
+/// What a run chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choice {
+    /// Distance of neighbouring particles [mm].
+    pub pitch_mm: f64,
+    /// How it goes on in time.
+    pub method: Method,
+    /// How many times shorter the step is than the largest that is stable with this method at this pitch.
+    pub fineness: f64,
+}
+
+impl Choice {
+    /// The scene with this choice made, and the lattice and schedule it leads to.
+    ///
+    /// # Errors
+    /// If there is no such lattice.
+    pub fn prepare(&self, scene: &Scene, inputs: &Inputs) -> Result<(Scene, Prepared), AccuracyError> {
+        let mut scene = scene.clone();
+        // As it was written, where it was: a pitch of the volume's own takes its voxels as they are.
+        if scene.lattice.pitch.is_some_and(|pitch| (pitch * 1e3 / self.pitch_mm - 1.0).abs() > 1e-9)
+            || (scene.lattice.pitch.is_none() && self.pitch_mm != super::search::own_pitch_mm(inputs))
+        {
+            scene.lattice.pitch = Some(self.pitch_mm * 1e-3);
+        }
+        scene.time.integrator = self.method;
+        scene.time.dt = None;
+        let mut prepared = prepare(&scene, inputs)?;
+        prepared.schedule = shorter(&prepared.schedule, self.fineness);
+        Ok((scene, prepared))
+    }
+}
+
+impl std::fmt::Display for Choice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { pitch_mm, method, fineness } = self;
+        write!(f, "pitch {:.3} mm, {}", pitch_mm, method.name())?;
+        if *fineness == 1.0 { Ok(()) } else { write!(f, ", steps {fineness:.2} times shorter") }
+    }
+}
+
+/// A schedule with shorter steps and the same frames.
+fn shorter(schedule: &Schedule, fineness: f64) -> Schedule {
+    let per_frame = (schedule.steps as f64 / schedule.frames as f64 * fineness - 1e-9).ceil().max(1.0);
+    let steps = per_frame as u64 * schedule.frames;
+    let duration = schedule.dt * schedule.steps as f64;
+    Schedule { dt: duration / steps as f64, steps, ..*schedule }
+}
+
+/// Gathers the frames of a run that are compared.
+#[derive(Debug, Clone)]
+pub struct Collector {
+    frames: u64,
+    kept: Vec<Vec<[f32; 3]>>,
+}
+
+impl Collector {
+    /// For a run of so many frames after the first.
+    pub fn new(frames: u64) -> Self {
+        Self { frames, kept: Vec::new() }
+    }
+
+    /// Takes a frame, when it is one that counts.
+    pub fn frame(&mut self, frame: &Frame<'_>) {
+        let instants = self.frames.min(INSTANTS as u64);
+        let next = self.kept.len() as u64 + 1;
+        if next <= instants && frame.number == (next * self.frames).div_ceil(instants) {
+            self.kept.push(frame.world.displacements_mm());
+        }
+    }
+
+    /// The finished run.
+    pub fn into_trial(self, choice: Choice, world: &World, scene: &Scene) -> Trial {
+        let lattice = world.lattice().clone();
+        let particles = judged(&lattice, scene);
+        let length = |frame: &Vec<[f32; 3]>| {
+            let of = |&p: &u32| wide(&frame[p as usize]).norm();
+            particles.iter().map(of).fold(0.0, f64::max)
+        };
+        Trial {
+            choice,
+            steps: world.steps(),
+            dt: world.time() / world.steps().max(1) as f64,
+            largest_mm: self.kept.iter().map(length).fold(0.0, f64::max),
+            particles,
+            topology: world.topology().clone(),
+            frames: self.kept,
+            lattice,
+        }
+    }
+}
+
+/// A finished run.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// What was chosen.
+    pub choice: Choice,
+    /// Steps taken.
+    pub steps: u64,
+    /// Their mean length [s].
+    pub dt: f64,
+    /// Largest displacement of a judged particle at any instant [mm].
+    pub largest_mm: f64,
+    /// Particles that are judged.
+    particles: Vec<u32>,
+    lattice: Lattice,
+    /// Springs at the end.
+    topology: Topology,
+    /// Displacements at each instant [mm]: shape `[particles]`.
+    frames: Vec<Vec<[f32; 3]>>,
+}
+
+impl Trial {
+    /// Runs a choice in memory.
+    ///
+    /// - `step`: told after every step the share of the time that is done, 0 to 1.
+    ///
+    /// # Errors
+    /// If it cannot be prepared, or diverges.
+    pub fn run(
+        choice: Choice,
+        scene: &Scene,
+        inputs: &Inputs,
+        step: &mut dyn FnMut(f64),
+    ) -> Result<Self, AccuracyError> {
+        let (scene, prepared) = choice.prepare(scene, inputs)?;
+        let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &inputs.tools)?;
+        let schedule = prepared.schedule;
+        let mut world = prepared.into_world(&scene);
+        let duration = schedule.dt * schedule.steps as f64;
+        let mut watch = Watch { collector: Collector::new(schedule.frames), duration, step };
+        match drive(&mut world, &mut timeline, &schedule, &mut watch) {
+            Ok(_) => Ok(watch.collector.into_trial(choice, &world, &scene)),
+            Err(DriveError::Step(error)) => Err(error.into()),
+            Err(DriveError::Observer(never)) => match never {},
+        }
+    }
+
+    /// Particles of its lattice.
+    pub fn len(&self) -> usize {
+        self.lattice.len()
+    }
+
+    /// True without particles, which no run is.
+    pub fn is_empty(&self) -> bool {
+        self.lattice.is_empty()
+    }
+
+    /// How far it is from another run, at the worst instant: on the same lattice particle by particle, or on a finer one where
+    /// that carries the places of these particles. `None` where nothing can be compared.
+    pub fn distance(&self, other: &Self) -> Option<Deviation> {
+        let same = self.choice.pitch_mm == other.choice.pitch_mm;
+        let instants = self.frames.iter().zip(&other.frames).map(|(found, expected)| {
+            let [found, expected] = [found, expected].map(|frame| frame.iter().map(wide).collect::<Vec<_>>());
+            if same {
+                on_one_lattice(&self.particles, &found, &expected)
+            } else {
+                let coarse = (&self.lattice, &self.particles[..], &found[..]);
+                between_lattices(coarse, (&other.lattice, &other.topology, &expected))
+            }
+        });
+        instants.reduce(Deviation::worse).filter(|deviation| deviation.points > 0)
+    }
+}
+
+fn wide(moved: &[f32; 3]) -> Vector3 {
+    Vector3::from(moved.map(f64::from))
+}
+
+struct Watch<'a> {
+    collector: Collector,
+    /// Of the whole run [s].
+    duration: f64,
+    step: &'a mut dyn FnMut(f64),
+}
+
+impl Observer for Watch<'_> {
+    type Error = std::convert::Infallible;
+
+    fn frame(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error> {
+        self.collector.frame(frame);
+        Ok(())
+    }
+
+    fn step(&mut self, world: &World) {
+        (self.step)(world.time() / self.duration);
+    }
+}
