@@ -263,7 +263,7 @@ impl<'a> Search<'a> {
         let bound_mm = self.asked * largest_mm;
         let finest_mm = 0.5 * self.own_mm.max(2.0 * pitch_mm * (particles / MOST_PARTICLES).cbrt());
         let wish_mm = found.pitch(pitch_mm, ROOM * (bound_mm - steps_mm).max(0.1 * bound_mm));
-        let next_mm = self.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.5 }));
+        let next_mm = self.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.34 }));
         let mut next_mm = if next_mm < pitch_mm { next_mm } else { self.at_most(0.99 * pitch_mm) };
         let finer = next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
         if (known && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
@@ -419,7 +419,7 @@ impl<'a> Search<'a> {
     fn between(&self, pitch_mm: f64) -> Option<f64> {
         let coarsest_mm = self.levels.first()?.choice.pitch_mm;
         let inside = |own: &f64| *own > 1.1 * pitch_mm && 1.1 * *own < coarsest_mm;
-        PITCHES.iter().map(|share| share * self.own_mm).filter(inside).last()
+        PITCHES.iter().map(|share| share * self.own_mm).rfind(inside)
     }
 
     /// The largest pitch of those tried that is at most so large [mm].

@@ -34,6 +34,11 @@
 //! the sign turned in each, and BDF2 grows without bound where the step changes quickly, as it does when frames end. Where order counts
 //! the explicit methods are cheaper, see the module above.
 //!
+//! Why not XPBD (one sweep of corrections over all springs and cells per step): stable at any step as well, but what its sweep leaves
+//! undone makes tissue too soft until steps are nearly as short as the soft tissue's own, and in damped tissue longer ones do not
+//! even err less when halved. In the comparison above it came to a few tenths of a percent later than the plain step or this one at
+//! every contrast.
+//!
 //! Source: D. Baraff and A. Witkin, "Large steps in cloth simulation", 1998; the potential: R. Radovitzky and M. Ortiz, "Error estimation
 //! and adaptive meshing in strongly nonlinear dynamic problems", 1999.
 
