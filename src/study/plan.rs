@@ -14,6 +14,8 @@ use crate::dynamics::integrator::Method;
 const STEPPING: f64 = 0.75;
 /// Share of that for the first runs of the scene's own pitch.
 const BASE: f64 = 0.6;
+/// What could not be timed, and f64 that was not, is taken to be so much slower.
+const UNTIMED: f64 = 10.0;
 /// Cuts, contact and divided steps make a run longer than its first steps promise.
 pub(super) const SLACK: f64 = 1.2;
 
@@ -231,19 +233,23 @@ pub fn plan(
 
 impl ProbeLine {
     /// Estimated time of a run of this pitch \[s\]: between the finenesses that were timed by a power of the fineness, beyond them in
-    /// proportion to it. Numbers that were not timed go as fast as others; so does an integrator that could not be timed, ten times slower
-    /// than any.
+    /// proportion to it. Exact arithmetic goes as fast as fast where it was not timed; f64, and an integrator that could not be timed, take
+    /// [`UNTIMED`] times as long as the rest.
     pub fn seconds(&self, choice: &Choice) -> f64 {
         let own = |pace: &&Pace| pace.choice.integrator == choice.integrator;
         let same = |pace: &&Pace| own(pace) && pace.choice.arithmetic == choice.arithmetic;
-        let point = |pace: &Pace| [pace.choice.fineness, pace.seconds];
-        let mut points: Vec<[f64; 2]> = self.paces.iter().filter(same).map(point).collect();
-        if points.is_empty() {
-            points = self.paces.iter().filter(own).map(point).collect();
-        }
-        if points.is_empty() {
-            points = self.paces.iter().map(point).map(|[fineness, seconds]| [fineness, 10.0 * seconds]).collect();
-        }
+        let points = |paces: Vec<&Pace>, times: f64| -> Vec<[f64; 2]> {
+            paces.into_iter().map(|pace| [pace.choice.fineness, times * pace.seconds]).collect()
+        };
+        let in_f64 = if choice.arithmetic == Arithmetic::Double { UNTIMED } else { 1.0 };
+        let mut points = [
+            points(self.paces.iter().filter(same).collect(), 1.0),
+            points(self.paces.iter().filter(own).collect(), in_f64),
+            points(self.paces.iter().collect(), UNTIMED),
+        ]
+        .into_iter()
+        .find(|points| !points.is_empty())
+        .unwrap_or_default();
         points.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let fineness = choice.fineness;
         let above = points.iter().position(|point| point[0] >= fineness);
@@ -416,17 +422,21 @@ mod tests {
 
     #[test]
     fn f64_comes_last_and_only_of_what_would_be_f32() {
-        let many = |budget_seconds| {
-            let plan =
-                plan(&[probe(3.0, 1e-2)], &Options { budget_seconds, ..Options::default() }, 3.0, &|_| false).unwrap();
+        for (budget_seconds, exact, double) in [(40.0, None, 0), (1e4, Some(4), 3)] {
+            let options = Options { budget_seconds, ..Options::default() };
+            let plan = plan(&[probe(3.0, 1e-2)], &options, 3.0, &|_| false).unwrap();
             let of = |arithmetic| plan.tasks.iter().filter(move |task| task.choice.arithmetic == arithmetic).count();
+            assert_eq!(of(Arithmetic::Double), double, "{plan:?}");
+            assert!(exact.is_none_or(|exact| of(Arithmetic::Exact) == exact));
+            // Of every integrator that is tried, in f32 and might judge, f64 is planned or its lack is said.
             let said = plan.left_out.iter().filter(|left| left.choice.arithmetic == Arithmetic::Double).count();
-            assert_eq!(said + of(Arithmetic::Double), if plan.tasks.len() > 8 { 3 } else { said });
-            (of(Arithmetic::Exact), of(Arithmetic::Double), plan.tasks.last().unwrap().choice.clone())
-        };
-        let (exact, double, last) = many(1e4);
-        assert_eq!((exact, double, last.arithmetic), (4, 3, Arithmetic::Double));
-        assert_eq!(many(100.0).1, 0, "there is no time for it");
+            let tried = plan.tasks.iter().map(|task| &task.choice).filter(|choice| {
+                (choice.fineness, choice.arithmetic) == (1.0, Arithmetic::Fast) && may_judge(choice.integrator)
+            });
+            assert_eq!(said + double, tried.count());
+            let last = plan.tasks.last().unwrap().choice.arithmetic;
+            assert_eq!(last == Arithmetic::Double, double > 0);
+        }
     }
 
     #[test]
@@ -439,6 +449,7 @@ mod tests {
         assert!(near(of(Method::Verlet, 16.0, Arithmetic::Fast), 17.6));
         assert!(near(of(Method::Verlet, 2.0, Arithmetic::Exact), 2.2), "as fast as others");
         assert!(near(of(Method::SymplecticEuler, 1.0, Arithmetic::Double), 10.0));
+        assert!(near(of(Method::Rk4, 1.0, Arithmetic::Double), 33.0));
         // 30 at 1 and 90 at 8.
         assert!(near(of(Method::BackwardEuler, 8_f64.sqrt(), Arithmetic::Fast), 30.0 * 3_f64.sqrt()));
         assert!(near(of(Method::BackwardEuler, 16.0, Arithmetic::Fast), 180.0));
