@@ -44,7 +44,7 @@ pub enum Arithmetic {
     Fast,
     /// f32 with true square roots and nothing fused, as `exact = true` in a scene.
     Exact,
-    /// The state in f64, some ten times slower.
+    /// The state in f64: some three times slower and more.
     Double,
 }
 

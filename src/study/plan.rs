@@ -246,13 +246,14 @@ impl ProbeLine {
     pub fn seconds(&self, choice: &Choice) -> f64 {
         let own = |pace: &&Pace| pace.choice.integrator == choice.integrator;
         let same = |pace: &&Pace| own(pace) && pace.choice.arithmetic == choice.arithmetic;
+        let in_f32 = |pace: &&Pace| pace.choice.arithmetic != Arithmetic::Double;
         let points = |paces: Vec<&Pace>, times: f64| -> Vec<[f64; 2]> {
             paces.into_iter().map(|pace| [pace.choice.fineness, times * pace.seconds]).collect()
         };
         let in_f64 = if choice.arithmetic == Arithmetic::Double { UNTIMED } else { 1.0 };
         let mut points = [
             points(self.paces.iter().filter(same).collect(), 1.0),
-            points(self.paces.iter().filter(own).collect(), in_f64),
+            points(self.paces.iter().filter(own).filter(in_f32).collect(), in_f64),
             points(self.paces.iter().collect(), UNTIMED),
         ]
         .into_iter()
@@ -457,6 +458,7 @@ mod tests {
         assert!(near(of(Method::Verlet, 16.0, Arithmetic::Fast), 17.6));
         assert!(near(of(Method::Verlet, 2.0, Arithmetic::Exact), 2.2), "as fast as others");
         assert!(near(of(Method::SymplecticEuler, 1.0, Arithmetic::Double), 10.0));
+        assert!(near(of(Method::SymplecticEuler, 1.0, Arithmetic::Exact), 1.0));
         assert!(near(of(Method::Rk4, 1.0, Arithmetic::Double), 33.0));
         // 30 at 1 and 90 at 8.
         assert!(near(of(Method::BackwardEuler, 8_f64.sqrt(), Arithmetic::Fast), 30.0 * 3_f64.sqrt()));

@@ -502,14 +502,17 @@ fn left_out(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Plan
             seconds(page.budget_seconds)
         )?;
     }
-    for line in skipped {
-        let what = if line.repeat == 0 { "not run".to_owned() } else { format!("not run a {}. time", line.repeat + 1) };
+    for line in skipped.iter().filter(|line| line.repeat == 0) {
         writeln!(
             text,
-            "- {}: {what}, for it would take about {} and the time was up.",
+            "- {}: not run, for it would take about {} and the time was up.",
             described(&line.choice),
             seconds(line.seconds)
         )?;
+    }
+    let repeats = skipped.iter().filter(|line| line.repeat > 0).count();
+    if repeats > 0 {
+        writeln!(text, "- {repeats} repeats, for the time was up: the shortest times are those of fewer runs.")?;
     }
     for (choice, why) in &findings.failed {
         writeln!(text, "- {}: {why}", described(choice))?;
