@@ -242,7 +242,7 @@ pub fn plan(
 impl ProbeLine {
     /// Estimated time of a run of this pitch \[s\]: between the finenesses that were timed by a power of the fineness, beyond them in
     /// proportion to it. Exact arithmetic goes as fast as fast where it was not timed; f64, and an integrator that could not be timed, take
-    /// [`UNTIMED`] times as long as the rest.
+    /// ten times as long as the rest.
     pub fn seconds(&self, choice: &Choice) -> f64 {
         let own = |pace: &&Pace| pace.choice.integrator == choice.integrator;
         let same = |pace: &&Pace| own(pace) && pace.choice.arithmetic == choice.arithmetic;
