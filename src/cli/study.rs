@@ -10,12 +10,13 @@ use super::exit::Outcome;
 use super::messages::{Messages, out};
 use super::progress;
 use super::source::Source;
+use crate::dynamics::integrator::Method;
 use crate::io::atomic::write_file;
 use crate::kernel::dispatch::InstructionSet;
 use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::scene::resolved::{Scene, needs_plain_step};
-use crate::study::choice::methods_for;
+use crate::study::choice::{Arithmetic, arithmetic_for, may_judge, methods_for};
 use crate::study::ledger::FILE;
 use crate::study::plan::{Options, Plan};
 use crate::study::report::{Page, markdown};
@@ -25,7 +26,7 @@ use crate::study::{html, judge, plots, surfaces, tables};
 /// What is written beside plots.
 const TEXTS: [&str; 4] = ["report.md", "report.html", "results.csv", "results.json"];
 
-/// Find out what accuracy costs in time: run a scene with other steps, pitches and arithmetic, and measure errors.
+/// Find out what accuracy costs in time: run a scene with other integrators, steps, pitches and arithmetic, and measure errors.
 ///
 /// Writes results.csv, results.json, plots (PNG), and report.md and report.html, which say in sentences what each digit costs. An interrupted study
 /// goes on where it was; every run is kept as a run directory.
@@ -41,18 +42,21 @@ pub(super) struct StudyArguments {
     /// Time the study may take [min].
     #[arg(long, default_value_t = 10.0, value_name = "MINUTES", value_parser = positive)]
     budget: f64,
-    /// Steps to try: how many times shorter than the largest stable step of the pitch.
+    /// Steps to try: how many times shorter than the longest that the integrator takes at the pitch.
+    ///
+    /// That is its own largest stable step, or 20 steps of the plain one for backward_euler, which is stable at any; bogacki_shampine chooses its
+    /// steps itself, and its tolerance is divided by the cube.
     #[arg(long, default_value = "1,2,4,8", value_name = "LIST", value_delimiter = ',', value_parser = positive)]
     steps: Vec<f64>,
     /// Pitches to try [mm]; all are compared with the finest [default: 2, 1.5, 1 and 0.75 times that of the scene].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = positive)]
     pitches: Option<Vec<f64>>,
-    /// Integrators to try: symplectic_euler, verlet, rk4 [default: all that the scene can be stepped with].
+    /// Integrators to try: symplectic_euler, verlet, rk4, bogacki_shampine, backward_euler [default: all that the scene can be stepped with].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     integrators: Option<Vec<String>>,
-    /// Arithmetic to try: fast, exact, or both.
-    #[arg(long, default_value = "fast,exact", value_name = "LIST", value_delimiter = ',', value_parser = arithmetic)]
-    arithmetic: Vec<bool>,
+    /// Arithmetic to try: fast, exact (true square roots), double (f64) [default: all that the scene can be stepped in].
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = arithmetic)]
+    arithmetic: Option<Vec<Arithmetic>>,
     /// Resolutions of the surface to try [mm] [default: the lattice, and 2, 1 and 1/2 times the voxels].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = positive)]
     resolutions: Option<Vec<f64>>,
@@ -70,36 +74,55 @@ fn positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| format!("`{text}` is not a number above 0"))
 }
 
-/// Reads whether arithmetic is exact.
-fn arithmetic(text: &str) -> Result<bool, String> {
-    match text.trim() {
-        "fast" => Ok(false),
-        "exact" => Ok(true),
-        other => Err(format!("`{other}` is no arithmetic; expected `fast` or `exact`")),
-    }
+/// Reads the name of an arithmetic.
+fn arithmetic(text: &str) -> Result<Arithmetic, String> {
+    let named = Arithmetic::ALL.into_iter().find(|arithmetic| arithmetic.name() == text.trim());
+    named.ok_or_else(|| format!("`{}` is no arithmetic; expected `fast`, `exact` or `double`", text.trim()))
 }
 
 impl StudyArguments {
     fn options(&self, scene: &Scene) -> anyhow::Result<Options> {
-        let methods = methods_for(scene);
-        let all = || methods.iter().map(|method| method.name().to_owned()).collect();
-        let integrators: Vec<String> = self.integrators.clone().unwrap_or_else(all);
-        if let Some(unknown) = integrators.iter().find(|name| methods.iter().all(|method| method.name() != *name)) {
-            let known: Vec<&str> = methods.iter().map(|method| method.name()).collect();
-            let reason = needs_plain_step(&scene.organs, &scene.operations)
-                .map_or_else(String::new, |what| format!(" for this scene, which has {what}"));
-            bail!("--integrators: there is no `{unknown}`{reason}; there is {}", known.join(", "));
-        }
+        let reason = needs_plain_step(&scene.organs, &scene.operations)
+            .map_or_else(String::new, |what| format!(" for this scene, which has {what}"));
         Ok(Options {
             finenesses: self.steps.clone(),
             pitches_mm: self.pitches.clone(),
-            integrators,
-            exact: self.arithmetic.clone(),
+            integrators: self.methods(methods_for(scene), &reason)?,
+            arithmetic: self.numbers(arithmetic_for(scene), &reason)?,
             resolutions_mm: self.resolutions.clone(),
             repeats: usize::from(self.repeats),
             budget_seconds: 60.0 * self.budget,
             ..Options::default()
         })
+    }
+
+    fn methods(&self, known: &[Method], reason: &str) -> anyhow::Result<Vec<Method>> {
+        let Some(names) = &self.integrators else { return Ok(known.to_vec()) };
+        let listed =
+            |methods: &mut dyn Iterator<Item = &Method>| methods.map(|m| m.name()).collect::<Vec<_>>().join(", ");
+        let mut methods = Vec::new();
+        for name in names {
+            let Some(&method) = known.iter().find(|method| method.name() == *name) else {
+                bail!("--integrators: there is no `{name}`{reason}; there is {}", listed(&mut known.iter()));
+            };
+            methods.push(method);
+        }
+        if !methods.iter().any(|&method| may_judge(method)) {
+            bail!(
+                "--integrators: {} cannot be judged by itself, for it chooses its own steps or iterations; add one of {}",
+                names.join(", "),
+                listed(&mut known.iter().filter(|&&method| may_judge(method)))
+            );
+        }
+        Ok(methods)
+    }
+
+    fn numbers(&self, known: &[Arithmetic], reason: &str) -> anyhow::Result<Vec<Arithmetic>> {
+        let Some(asked) = &self.arithmetic else { return Ok(known.to_vec()) };
+        if let Some(unknown) = asked.iter().find(|arithmetic| !known.contains(arithmetic)) {
+            bail!("--arithmetic: there is no `{unknown}`{reason}; there is {}", joined(known));
+        }
+        Ok(asked.clone())
     }
 
     /// The command as it can be typed again.
@@ -119,13 +142,18 @@ impl StudyArguments {
         if let Some(integrators) = &self.integrators {
             command.push_str(&format!(" --integrators {}", integrators.join(",")));
         }
-        let exact: Vec<&str> = self.arithmetic.iter().map(|&exact| if exact { "exact" } else { "fast" }).collect();
-        command.push_str(&format!(" --arithmetic {}", exact.join(",")));
+        if let Some(arithmetic) = &self.arithmetic {
+            command.push_str(&format!(" --arithmetic {}", joined(arithmetic)));
+        }
         if let Some(resolutions) = &self.resolutions {
             command.push_str(&format!(" --resolutions {}", list(resolutions)));
         }
         command
     }
+}
+
+fn joined(arithmetic: &[Arithmetic]) -> String {
+    arithmetic.iter().map(|own| own.name()).collect::<Vec<_>>().join(",")
 }
 
 pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::Result<Outcome> {
@@ -138,7 +166,7 @@ pub(super) fn study(arguments: &StudyArguments, messages: &Messages) -> anyhow::
     warnings.iter().for_each(|warning| messages.warning(warning));
     if let Some(dt) = scene.time.dt {
         messages.note(format_args!(
-            "the scene asks for steps of {dt:e} s; the study counts from the largest stable step of each pitch instead (--steps)"
+            "the scene asks for steps of {dt:e} s; the study counts from the longest step of each integrator and pitch instead (--steps)"
         ));
     }
     let folder = &arguments.output;

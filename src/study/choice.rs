@@ -1,91 +1,166 @@
-//! What a run may choose: integrator, pitch, step, arithmetic.
+//! What a run may choose: integrator, pitch, step or tolerance, arithmetic.
+//!
+//! Every integrator's finenesses count from the longest step that it takes itself ([`longest`]), so that none is charged for the
+//! limit of another: of explicit ones that is their own largest stable step, of backward Euler, which has none, [`LONG_STEP`] plain
+//! steps. Bogacki and Shampine's method chooses its steps by its own error: its fineness `f` asks for a tolerance of [`TOLERANCE`]
+//! pitches over `f^3`, which makes steps `f` times shorter where the tolerance decides.
+
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::dynamics::integrator;
-use crate::run::prepare::Schedule;
+use crate::dynamics::integrator::{Integrator, Method, Precision};
+use crate::lattice::Topology;
+use crate::run::prepare::{PrepareError, Prepared, Schedule};
 use crate::scene::resolved::{Scene, needs_plain_step};
 
-/// A way to step through time, as far as a study has to know it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Method {
-    /// Which.
-    pub integrator: integrator::Method,
-    /// Its error goes with this power of the step.
-    pub order: f64,
-    /// Forces are computed so often in a step.
-    pub evaluations: u64,
-}
+/// The integrators that are tried: all that follow a motion. Those that others may be judged by come first, by their order.
+pub const METHODS: &[Method] =
+    &[Method::SymplecticEuler, Method::Verlet, Method::Rk4, Method::BogackiShampine, Method::BackwardEuler];
 
-impl Method {
-    /// Its name in scenes.
-    pub fn name(&self) -> &'static str {
-        self.integrator.name()
-    }
-}
+/// Plain steps that the longest step of a method stands for that is stable at any.
+pub const LONG_STEP: f64 = 20.0;
 
-/// The integrators whose error goes with a power of the step and whose step costs the same everywhere: those that a grid of
-/// steps says something about. The others choose steps or iterations themselves.
-pub const METHODS: &[Method] = &[
-    Method { integrator: integrator::Method::SymplecticEuler, order: 1.0, evaluations: 1 },
-    Method { integrator: integrator::Method::Verlet, order: 2.0, evaluations: 1 },
-    Method { integrator: integrator::Method::Rk4, order: 4.0, evaluations: 4 },
-];
+/// Tolerance of Bogacki and Shampine's method at a fineness of 1 \[pitches\]. A part of its largest stable step errs by about so much where
+/// a lattice moves as fast as its waves, and by less elsewhere: what asks for less changes nothing, for there stability decides. A fineness
+/// of 8 asks for 2e-8, about what f32 can tell.
+pub const TOLERANCE: f64 = 1e-5;
 
 /// Those that a scene can be stepped with.
 pub fn methods_for(scene: &Scene) -> &'static [Method] {
     if needs_plain_step(&scene.organs, &scene.operations).is_some() { &METHODS[..1] } else { METHODS }
 }
 
+/// Whether the error of a method goes with a power of a step that is the same all along: only by such a one others are judged.
+pub fn may_judge(method: Method) -> bool {
+    method.evaluations().is_some()
+}
+
+/// How numbers are kept and forces computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Arithmetic {
+    /// f32, as fast as it goes.
+    Fast,
+    /// f32 with true square roots and nothing fused, as `exact = true` in a scene.
+    Exact,
+    /// The state in f64: some three times slower and more.
+    Double,
+}
+
+impl Arithmetic {
+    /// All of them, the usual one first.
+    pub const ALL: [Self; 3] = [Self::Fast, Self::Exact, Self::Double];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Exact => "exact",
+            Self::Double => "double",
+        }
+    }
+}
+
+impl fmt::Display for Arithmetic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Those that a scene can be stepped in: f64 knows no more than the other integrators do.
+pub fn arithmetic_for(scene: &Scene) -> &'static [Arithmetic] {
+    if needs_plain_step(&scene.organs, &scene.operations).is_some() { &Arithmetic::ALL[..2] } else { &Arithmetic::ALL }
+}
+
 /// One point of the grid of choices.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choice {
-    /// Name of the integrator, one of [`METHODS`].
-    pub integrator: String,
+    /// The integrator, one of [`METHODS`].
+    pub integrator: Method,
     /// Distance of neighbouring particles [mm].
     pub pitch_mm: f64,
-    /// How many times shorter the step is than the one the program would choose at this pitch, the largest stable one.
+    /// How many times shorter the step is than the longest one that the integrator takes at this pitch, see the module.
     pub fineness: f64,
-    /// True square roots and nothing fused, as `exact = true` in a scene.
-    pub exact: bool,
+    /// The numbers.
+    pub arithmetic: Arithmetic,
 }
 
 impl Choice {
     /// A name that can be a folder's.
     pub fn key(&self) -> String {
-        let Self { integrator, pitch_mm, fineness, exact } = self;
-        format!("{integrator}-{pitch_mm}mm-x{fineness}-{}", if *exact { "exact" } else { "fast" })
+        let Self { integrator, pitch_mm, fineness, arithmetic } = self;
+        format!("{}-{pitch_mm}mm-x{fineness}-{arithmetic}", integrator.name())
     }
 
-    /// Its integrator.
-    pub fn method(&self) -> Option<&'static Method> {
-        METHODS.iter().find(|method| method.name() == self.integrator)
+    /// The same integrator, pitch and step in other numbers.
+    pub fn in_arithmetic(&self, arithmetic: Arithmetic) -> Self {
+        Self { arithmetic, ..self.clone() }
     }
 
-    /// The scene with this choice made and so many instants as frames; the step is left to [`Choice::schedule`].
+    /// What a part of a step may err by \[m\], where the integrator asks for that in place of a step.
+    pub fn tolerance(&self) -> Option<f64> {
+        (self.integrator == Method::BogackiShampine).then(|| TOLERANCE * self.pitch_mm * 1e-3 / self.fineness.powi(3))
+    }
+
+    /// How its world goes on in time.
+    pub fn way(&self) -> Integrator {
+        let usual = Integrator::new(self.integrator);
+        let precision = if self.arithmetic == Arithmetic::Double { Precision::Double } else { Precision::Single };
+        Integrator { tolerance: self.tolerance().unwrap_or(usual.tolerance), precision, ..usual }
+    }
+
+    /// The scene with this choice made and so many instants as frames; the step is left to [`Choice::schedule`], and what scenes do
+    /// not ask for to [`Choice::way`].
     pub fn apply(&self, scene: &Scene, instants: usize) -> Scene {
         let mut scene = at_pitch(scene, self.pitch_mm, instants);
-        scene.time.exact = self.exact;
-        scene.time.tolerance = None;
-        scene.time.integrator = self.method().map_or_else(integrator::Method::default, |method| method.integrator);
+        scene.time.exact = self.arithmetic == Arithmetic::Exact;
+        scene.time.tolerance = self.tolerance();
+        scene.time.integrator = self.integrator;
         scene
     }
 
-    /// Steps of this choice, from those the program would choose. Instants lie at the same times whatever the fineness.
-    pub fn schedule(&self, chosen: &Schedule) -> Schedule {
-        let per_instant = (chosen.steps as f64 / chosen.frames as f64 * self.fineness - 1e-9).ceil().max(1.0) as u64;
-        let steps = per_instant * chosen.frames;
-        let duration = chosen.dt * chosen.steps as f64;
-        Schedule { dt: duration / steps as f64, steps, ..*chosen }
+    /// Steps of this choice, from the [`longest`] of its integrator. Instants lie at the same times whatever the fineness.
+    pub fn schedule(&self, longest: &Schedule) -> Schedule {
+        // A tolerance divides steps while they are taken.
+        let fineness = if self.tolerance().is_some() { 1.0 } else { self.fineness };
+        in_steps(longest, longest.steps as f64 / longest.frames as f64 * fineness)
     }
 }
 
-/// A scene at a pitch, with its step left to the program and so many frames.
+/// A schedule with at least so many steps between two instants.
+fn in_steps(schedule: &Schedule, per_instant: f64) -> Schedule {
+    let steps = (per_instant - 1e-9).ceil().max(1.0) as u64 * schedule.frames;
+    let duration = schedule.dt * schedule.steps as f64;
+    Schedule { dt: duration / steps as f64, steps, ..*schedule }
+}
+
+/// The longest steps of a method on a lattice that was prepared for the plain step.
+///
+/// # Errors
+/// If they are so short that a run would never end.
+pub fn longest(method: Method, prepared: &Prepared, scene: &Scene) -> Result<Schedule, PrepareError> {
+    let Prepared { lattice, assembly, schedule: plain, .. } = prepared;
+    if method == Method::SymplecticEuler {
+        return Ok(*plain);
+    }
+    let topology = Topology::new(lattice);
+    let (at_rest, sharpen) = method.limits(lattice, &topology, assembly, scene.drag.unwrap_or(0.0));
+    if method.is_stable_at_any_step() {
+        let longest = in_steps(plain, plain.steps as f64 / plain.frames as f64 / LONG_STEP);
+        return Ok(Schedule { stable_dt: at_rest.sharp, limits: at_rest, ..longest });
+    }
+    Schedule::new(&scene.time, at_rest, sharpen)
+}
+
+/// A scene at a pitch, under the plain step, with the step left to the program and so many frames.
 pub fn at_pitch(scene: &Scene, pitch_mm: f64, instants: usize) -> Scene {
     let mut scene = scene.clone();
     scene.lattice.pitch = Some(pitch_mm * 1e-3);
     scene.time.dt = None;
     scene.time.frames = instants;
+    scene.time.integrator = Method::SymplecticEuler;
+    scene.time.tolerance = None;
     scene
 }

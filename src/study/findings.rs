@@ -1,9 +1,10 @@
 //! What a study found: plain data, for tables, plots and the report.
 
-use super::choice::Choice;
+use super::choice::{Arithmetic, Choice};
 use super::deviation::Deviation;
 use super::order::PowerLaw;
 use super::surface_distance::SurfaceDistance;
+use crate::dynamics::integrator::Method;
 
 /// Two sizes of an error \[mm\].
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -23,9 +24,9 @@ pub struct Row {
     pub reference: bool,
     /// Particles.
     pub particles: usize,
-    /// Time step \[s\].
+    /// Time step \[s\], the mean one where the integrator divides it itself.
     pub dt_s: f64,
-    /// Steps taken.
+    /// Steps taken, or parts of them.
     pub steps: u64,
     /// Those that were divided, where the tissue was deformed too far for the step.
     pub divided: u64,
@@ -43,6 +44,8 @@ pub struct Row {
     pub time_resolved: bool,
     /// Whether the row may show the order of its integrator: its error is clear enough, and its steps were not divided.
     pub shows_order: bool,
+    /// Distance from the same choice in the usual arithmetic; `None` for that.
+    pub from_usual: Option<Deviation>,
     /// Error of its pitch, estimated.
     pub space_error: Option<Sizes>,
     /// Sum of both.
@@ -80,12 +83,21 @@ pub struct Level {
     pub extrapolated: bool,
     /// Doubt about its reference.
     pub doubt: Option<Deviation>,
-    /// Power of the step that the time errors (rms) follow, of rows that show it.
-    pub time_order: Option<PowerLaw>,
+    /// Powers of the step that the time errors (rms) follow, of rows that show it.
+    pub time_orders: Vec<TimeOrder>,
     /// Its reference against that of the finest pitch.
     pub from_finest: Option<Deviation>,
     /// Estimated error of the pitch.
     pub space_error: Option<Sizes>,
+}
+
+/// How errors of an integrator go with its step: `c dt^p`.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct TimeOrder {
+    /// The integrator.
+    pub integrator: Method,
+    /// The power that was found.
+    pub law: PowerLaw,
 }
 
 /// How errors go with the pitch: `c h^q`.
@@ -104,6 +116,10 @@ pub struct SpaceLaw {
 pub struct Findings {
     /// The pitch of the scene \[mm\].
     pub base_mm: f64,
+    /// Numbers of the grid; others are there only for comparison.
+    pub usual: Arithmetic,
+    /// The integrator that others are judged by.
+    pub judge: Method,
     /// Largest displacement in its reference: what relative errors are relative to \[mm\].
     pub largest_mm: f64,
     /// One row for each choice that came to its end.

@@ -11,9 +11,9 @@
 
 use std::collections::BTreeMap;
 
-use super::choice::Choice;
+use super::choice::{Arithmetic, Choice, METHODS};
 use super::deviation::{Deviation, between_lattices};
-use super::findings::{Findings, Level, Row, Sizes};
+use super::findings::{Findings, Level, Row, Sizes, TimeOrder};
 use super::ledger::RunLine;
 use super::order::fit;
 use super::plan::{Plan, Task};
@@ -30,6 +30,8 @@ const RESOLVED: f64 = 10.0;
 /// One this many times larger still shows an order: the doubt is that about the limit before the last, and the last is about three
 /// times nearer where errors are smooth.
 const SHOWS_ORDER: f64 = 2.5;
+/// Half the step makes the error of any integrator smaller by more than this.
+const LESS: f64 = 1.2;
 /// A run with a larger share of divided steps does not have the step it was given.
 const DIVIDED: f64 = 0.05;
 
@@ -42,8 +44,8 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
     let all: Vec<(&Task, &RunLine)> = plan.tasks.iter().filter_map(|task| Some((task, first(task)?))).collect();
     let failed = all.iter().filter_map(|(task, run)| Some((task.choice.clone(), run.failed.clone()?))).collect();
     let done = all.into_iter().filter(|(_, run)| run.failed.is_none()).collect();
-    let exact = plan.tasks.first().is_some_and(|task| task.choice.exact);
-    let judge = Judge { study, plan, done, exact };
+    let usual = study.options().usual();
+    let judge = Judge { study, plan, done, usual };
 
     let references = judge.references()?;
     let Some(base) = references.get(&Pitch(plan.base_mm)).or(references.values().next()) else { return Ok(None) };
@@ -52,16 +54,22 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
     let space_law = space_errors(&mut levels);
     let rows = judge.rows(&references, &levels)?;
     for level in &mut levels {
-        let own = |row: &&Row| row.choice.pitch_mm == level.pitch_mm && row.shows_order && judge.is_judge(&row.choice);
-        let points = rows.iter().filter(own).filter_map(|row| Some([row.dt_s, row.time_error?.rms_mm]));
-        level.time_order = fit(&points.collect::<Vec<_>>());
+        let shown =
+            |row: &&Row| row.choice.pitch_mm == level.pitch_mm && row.choice.arithmetic == usual && row.shows_order;
+        let order = |&integrator: &_| {
+            let own = rows.iter().filter(shown).filter(|row| row.choice.integrator == integrator);
+            let points = own.filter_map(|row| Some([row.dt_s, row.time_error?.rms_mm]));
+            Some(TimeOrder { integrator, law: fit(&falling(points.collect()))? })
+        };
+        level.time_orders = METHODS.iter().filter_map(order).collect();
     }
     let cuts_differ = levels.iter().any(|level| {
         let mut severed = rows.iter().filter(|row| row.choice.pitch_mm == level.pitch_mm).map(|row| row.severed);
         let first = severed.next();
         severed.any(|other| Some(other) != first)
     });
-    Ok(Some(Findings { base_mm: plan.base_mm, largest_mm, rows, levels, space_law, failed, cuts_differ }))
+    let (base_mm, judge) = (plan.base_mm, plan.judge);
+    Ok(Some(Findings { base_mm, usual, judge, largest_mm, rows, levels, space_law, failed, cuts_differ }))
 }
 
 /// A pitch as a key; coarser ones come first.
@@ -91,14 +99,14 @@ struct Judge<'a> {
     plan: &'a Plan,
     /// First runs that came to their end.
     done: Vec<(&'a Task, &'a RunLine)>,
-    /// Arithmetic of the grid; the other one is there only for comparison.
-    exact: bool,
+    /// Numbers of the grid; the others are there only for comparison.
+    usual: Arithmetic,
 }
 
 impl<'a> Judge<'a> {
     /// Whether others may be judged by a choice.
     fn is_judge(&self, choice: &Choice) -> bool {
-        choice.integrator == self.plan.judge.name() && choice.exact == self.exact
+        choice.integrator == self.plan.judge && choice.arithmetic == self.usual
     }
 
     /// Runs of a pitch that others are judged by, coarsest step first.
@@ -123,7 +131,7 @@ impl<'a> Judge<'a> {
             let read = |run: &&RunLine| Ok((run.choice.fineness, Track::read(&self.study.run_folder(&run.choice))?));
             let runs = last.iter().map(read).collect::<Result<Vec<_>, ReadRunError>>()?;
             let whole = last.iter().all(|run| keeps_its_step(run));
-            let order = self.plan.judge.order;
+            let order = f64::from(self.plan.judge.order().unwrap_or(1));
             if let Some(reference) = Reference::of(runs, self.study.scene(), order, smooth && whole) {
                 smooth |= pitch == self.plan.base_mm && reference.extrapolated;
                 references.insert(Pitch(pitch), reference);
@@ -170,6 +178,15 @@ impl<'a> Judge<'a> {
         let doubt = reference.and_then(|reference| reference.doubt).filter(|_| finest.is_some());
         let beyond_doubt =
             |times: f64| time_error.zip(doubt).is_some_and(|(error, doubt)| error.rms_mm >= times * doubt.rms_mm);
+        let twin = task.choice.in_arithmetic(self.usual);
+        let twin = self.done.iter().find(|(other, _)| task.choice != twin && other.choice == twin);
+        let from_usual = match (twin, reference) {
+            (Some(_), Some(reference)) => {
+                let usual = Track::read(&self.study.run_folder(&task.choice.in_arithmetic(self.usual)))?;
+                reference.apart(&track, &usual)
+            }
+            _ => None,
+        };
         let space_error = level.and_then(|level| level.space_error);
         let both = |(time, space): (Deviation, Sizes)| Sizes {
             max_mm: time.max_mm + space.max_mm,
@@ -192,6 +209,7 @@ impl<'a> Judge<'a> {
             time_error,
             time_resolved: beyond_doubt(RESOLVED),
             shows_order: beyond_doubt(SHOWS_ORDER) && keeps_its_step(run),
+            from_usual,
             space_error,
             error: time_error.zip(space_error).map(both),
             volume_error: finest.map(|finest| furthest(&run.volume, &finest.volume)),
@@ -224,7 +242,7 @@ fn levels(references: &References) -> Result<Vec<Level>, ReadRunError> {
             particles: coarse.len(),
             extrapolated: reference.extrapolated,
             doubt: reference.doubt,
-            time_order: None,
+            time_orders: Vec::new(),
             from_finest: if pitch == finest_pitch { None } else { distances.reduce(Deviation::worse) },
             space_error: None,
         }
@@ -232,9 +250,18 @@ fn levels(references: &References) -> Result<Vec<Level>, ReadRunError> {
     Ok(references.iter().map(level).collect())
 }
 
-/// Whether a run has the step it was given: hardly any was divided.
+/// Points \[step, error\] from the longest step on, as long as a shorter one errs clearly less: from there on rounding, or what jumps from
+/// step to step, decides.
+fn falling(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    points.sort_by(|a, b| b[0].total_cmp(&a[0]));
+    let end = points.windows(2).position(|pair| pair[1][1] > pair[0][1] / LESS);
+    points.truncate(end.map_or(points.len(), |end| end + 1));
+    points
+}
+
+/// Whether a run has the step it was given: hardly any was divided, or it divides its steps itself.
 fn keeps_its_step(run: &RunLine) -> bool {
-    run.divided as f64 <= DIVIDED * run.steps as f64
+    run.choice.tolerance().is_some() || run.divided as f64 <= DIVIDED * run.steps as f64
 }
 
 /// Largest difference of kinetic and elastic energy at any instant, over the largest energy.
@@ -252,4 +279,19 @@ fn momentum_error(run: &RunLine, finest: &RunLine) -> f64 {
 
 fn furthest(found: &[f64], expected: &[f64]) -> f64 {
     found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_order_ends_where_rounding_begins() {
+        let steps = [1.0, 0.25, 0.5, 0.125, 0.0625];
+        let errors = |floor: f64| steps.map(|dt: f64| [dt, dt.powi(2) + floor]).to_vec();
+        assert_eq!(falling(errors(0.0)).len(), 5);
+        assert_eq!(falling(errors(0.1)), [[1.0, 1.1], [0.5, 0.35], [0.25, 0.1625], [0.125, 0.115625]]);
+        assert_eq!(falling(errors(9.0)), [[1.0, 10.0]]);
+        assert!(falling(Vec::new()).is_empty());
+    }
 }

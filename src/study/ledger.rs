@@ -15,10 +15,16 @@ use super::surface_distance::SurfaceDistance;
 /// Name of the file in the folder of a study.
 pub const FILE: &str = "results.jsonl";
 
+/// Changes with what the lines mean; a study of another is not gone on with.
+pub const FORMAT: u32 = 2;
+
 /// What a study is about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Subject {
+    /// [`FORMAT`]; 0 in studies from before there were several.
+    #[serde(default)]
+    pub format: u32,
     /// Version of the program.
     pub version: String,
     /// SHA-256 of the resolved scene and of every file it names.
@@ -37,9 +43,9 @@ pub struct RunLine {
     pub repeat: usize,
     /// Particles.
     pub particles: usize,
-    /// Step of the schedule \[s\].
+    /// Step of the schedule, or the mean one of an integrator that divides it itself \[s\].
     pub dt_s: f64,
-    /// Steps taken, with those that were divided.
+    /// Steps taken, with those that were divided; parts, of an integrator that divides them itself.
     pub steps: u64,
     /// Steps that were shorter than planned.
     pub divided: u64,
@@ -99,7 +105,7 @@ pub struct RoundingLine {
     pub times_slower: f64,
 }
 
-/// One step of each pitch, timed.
+/// What steps of one pitch cost, from a part of a run, see [`super::probe`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeLine {
@@ -107,14 +113,24 @@ pub struct ProbeLine {
     pub pitch_mm: f64,
     /// Particles.
     pub particles: usize,
-    /// Steps that the program would choose.
-    pub steps: u64,
-    /// Time of a step \[s\].
-    pub step_seconds: f64,
+    /// The choices that were timed.
+    pub paces: Vec<Pace>,
+    /// Those that did not come through their first steps.
+    pub untimed: Vec<Choice>,
     /// Time of a run beside its steps \[s\].
     pub other_seconds: f64,
     /// Why this pitch cannot be had.
     pub failed: Option<String>,
+}
+
+/// How fast a choice goes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pace {
+    /// The choice.
+    pub choice: Choice,
+    /// Time of all steps of a run at this pace \[s\].
+    pub seconds: f64,
 }
 
 /// A line of the ledger.
@@ -123,7 +139,7 @@ pub struct ProbeLine {
 pub enum Line {
     /// What is studied; comes first.
     Subject(Subject),
-    /// What a step of a pitch costs.
+    /// What steps of a pitch cost.
     Probe(ProbeLine),
     /// A finished run.
     Run(RunLine),
@@ -215,14 +231,19 @@ impl Ledger {
         let mut lines = Vec::new();
         for (number, line) in text[..whole].lines().enumerate() {
             let bad = |source| LedgerError::BadLine { path: path.clone(), line: number + 1, source };
-            lines.push(serde_json::from_str::<Line>(line).map_err(bad)?);
+            let line = serde_json::from_str::<Line>(line).map_err(bad)?;
+            // First, for lines of another format cannot be read.
+            if let Line::Subject(known) = &line {
+                known.same(subject, &path)?;
+            }
+            lines.push(line);
         }
         let file = OpenOptions::new().create(true).append(true).open(&path).map_err(io)?;
         file.set_len(whole as u64).map_err(io)?;
         let mut ledger = Self { path, file, lines };
         match ledger.lines.first() {
             None => ledger.push(Line::Subject(subject.clone()))?,
-            Some(Line::Subject(known)) => known.same(subject, &ledger.path)?,
+            Some(Line::Subject(_)) => {}
             Some(_) => {
                 let source: serde_json::Error = serde::de::Error::custom("it does not say what is studied");
                 return Err(LedgerError::BadLine { path: ledger.path, line: 1, source });
@@ -257,9 +278,14 @@ impl Ledger {
         self.lines.iter().filter_map(|line| if let Line::Run(run) = line { Some(run) } else { None })
     }
 
-    /// What a step of each pitch costs.
+    /// What steps of each pitch cost; a later probe of the same pitch is the better one.
     pub fn probes(&self) -> impl Iterator<Item = &ProbeLine> {
         self.lines.iter().filter_map(|line| if let Line::Probe(probe) = line { Some(probe) } else { None })
+    }
+
+    /// The last probe of a pitch.
+    pub fn probe(&self, pitch_mm: f64) -> Option<&ProbeLine> {
+        self.probes().filter(|probe| probe.pitch_mm == pitch_mm).last()
     }
 
     /// Measured surfaces.
@@ -291,6 +317,7 @@ impl Subject {
     fn same(&self, now: &Self, path: &Path) -> Result<(), LedgerError> {
         let parts = [
             ("the scene or a volume of it has changed", self.scene_sha256.clone(), now.scene_sha256.clone()),
+            ("the program keeps other lines", self.format.to_string(), now.format.to_string()),
             ("the program is another version", self.version.clone(), now.version.clone()),
             ("the number of instants is another", self.instants.to_string(), now.instants.to_string()),
         ];
@@ -311,14 +338,14 @@ mod tests {
     #[test]
     fn a_ledger_is_gone_on_with() {
         let folder = tempfile::tempdir().unwrap();
-        let subject = Subject { version: "1".into(), scene_sha256: "ab".into(), instants: 4 };
+        let subject = Subject { format: FORMAT, version: "1".into(), scene_sha256: "ab".into(), instants: 4 };
         let line = |seconds| {
             Line::Probe(ProbeLine {
                 pitch_mm: 3.0,
                 particles: 8,
-                steps: 10,
-                step_seconds: seconds,
-                other_seconds: 0.1,
+                paces: Vec::new(),
+                untimed: Vec::new(),
+                other_seconds: seconds,
                 failed: None,
             })
         };
@@ -333,11 +360,19 @@ mod tests {
         assert_eq!(ledger.lines().len(), 2);
         ledger.push(line(2.0)).unwrap();
         drop(ledger);
-        assert_eq!(Ledger::open(folder.path(), &subject).unwrap().probes().count(), 2);
+        let ledger = Ledger::open(folder.path(), &subject).unwrap();
+        assert_eq!(ledger.probes().count(), 2);
+        assert_eq!(ledger.probe(3.0).map(|probe| probe.other_seconds), Some(2.0));
 
-        let changed = Subject { scene_sha256: "cd".into(), ..subject };
+        let changed = Subject { scene_sha256: "cd".into(), ..subject.clone() };
         let message = Ledger::open(folder.path(), &changed).unwrap_err().to_string();
         assert!(["scene", "ab", "cd", "--overwrite"].iter().all(|part| message.contains(part)), "{message}");
+        // Lines of before, which cannot be read any more.
+        let before =
+            "{\"subject\":{\"version\":\"1\",\"scene_sha256\":\"ab\",\"instants\":4}}\n{\"probe\":{\"steps\":1}}\n";
+        std::fs::write(&path, before).unwrap();
+        let message = Ledger::open(folder.path(), &subject).unwrap_err().to_string();
+        assert!(["other lines", "0 then, 2 now", "--overwrite"].iter().all(|part| message.contains(part)), "{message}");
         std::fs::write(&path, "no study\n").unwrap();
         let message = Ledger::open(folder.path(), &changed).unwrap_err().to_string();
         assert!(message.contains("line 1") && message.contains("--overwrite"), "{message}");

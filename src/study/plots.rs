@@ -2,24 +2,27 @@
 
 use std::path::Path;
 
+use super::choice::{Arithmetic, Choice, METHODS};
 use super::findings::{Findings, Row};
 use super::ledger::SurfaceLine;
-use super::order::fit;
 use super::pareto::front;
 use super::surface_distance::SurfaceDistance;
 use super::surfaces::LATTICE;
+use crate::dynamics::integrator::Method;
 use crate::plot::{Axis, Plot, PlotError, Series, Stroke};
 
 /// Error against time of all choices, one colour for each pitch, with the front.
 pub const ERROR_TIME: &str = "error-time.png";
-/// Error of the step alone against the step.
+/// Error of the step alone against time, one colour for each integrator.
+pub const INTEGRATORS: &str = "integrators.png";
+/// Error of the step alone against the step, the same.
 pub const ORDERS: &str = "orders.png";
 /// Error against pitch.
 pub const PITCHES: &str = "pitches.png";
 /// Distance of surfaces against the time to draw them.
 pub const SURFACES: &str = "surfaces.png";
 /// All of them.
-pub const ALL: [&str; 4] = [ERROR_TIME, ORDERS, PITCHES, SURFACES];
+pub const ALL: [&str; 5] = [ERROR_TIME, INTEGRATORS, ORDERS, PITCHES, SURFACES];
 
 /// A choice is ringed when it is better by this share than all that are faster.
 const GAIN: f64 = 0.02;
@@ -42,6 +45,7 @@ pub fn point(row: &Row, findings: &Findings) -> Option<[f64; 2]> {
 pub fn write(findings: &Findings, surfaces: &[&SurfaceLine], folder: &Path) -> Result<Vec<&'static str>, PlotError> {
     let plots = [
         (ERROR_TIME, error_time(findings)),
+        (INTEGRATORS, integrators(findings)),
         (ORDERS, orders(findings)),
         (PITCHES, pitches(findings)),
         (SURFACES, surface_times(surfaces)),
@@ -65,10 +69,10 @@ fn error_time(findings: &Findings) -> Plot {
     let points: Vec<[f64; 2]> = grid(findings).filter_map(|row| point(row, findings)).collect();
     let best = front(&points, GAIN).into_iter().map(|n| points[n]).collect();
     let mut series = vec![Series { name: "worth their time".to_owned(), points: best, stroke: Stroke::Rings }];
-    series.extend(kinds(findings).into_iter().map(|(name, rows)| {
-        let mut points: Vec<[f64; 2]> = rows.into_iter().filter_map(|row| point(row, findings)).collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        Series { name, points, stroke: Stroke::Discs }
+    series.extend(findings.levels.iter().map(|level| {
+        let own = grid(findings).filter(|row| row.choice.pitch_mm == level.pitch_mm);
+        let points = own.filter_map(|row| point(row, findings)).collect();
+        Series { name: format!("{} mm", level.pitch_mm), points, stroke: Stroke::Discs }
     }));
     series.retain(|series| !series.points.is_empty());
     let what = if findings.space_law.is_some() { "step and pitch" } else { "the step" };
@@ -80,45 +84,62 @@ fn error_time(findings: &Findings) -> Plot {
     }
 }
 
-/// Rows by integrator, pitch and arithmetic, with a name for each kind.
-fn kinds(findings: &Findings) -> Vec<(String, Vec<&Row>)> {
-    let mut kinds: Vec<(String, Vec<&Row>)> = Vec::new();
-    let first = findings.rows.first().map(|row| row.choice.integrator.clone());
-    for row in grid(findings) {
-        let choice = &row.choice;
-        let mut name = format!("{} mm", choice.pitch_mm);
-        if Some(&choice.integrator) != first.as_ref() {
-            name = format!("{name} {}", choice.integrator);
-        }
-        if choice.exact {
-            name.push_str(" exact");
-        }
-        match kinds.iter_mut().find(|kind| kind.0 == name) {
-            Some((_, rows)) => rows.push(row),
-            None => kinds.push((name, vec![row])),
-        }
+/// Rows of the scene's own pitch by integrator, coarsest step first.
+fn by_integrator(findings: &Findings) -> Vec<(Method, Vec<&Row>)> {
+    let kind = |&integrator: &_| {
+        let own = |row: &&Row| {
+            let Choice { integrator: other, pitch_mm, arithmetic, .. } = row.choice;
+            (other, pitch_mm, arithmetic) == (integrator, findings.base_mm, findings.usual)
+        };
+        let mut rows: Vec<&Row> = grid(findings).filter(own).collect();
+        rows.sort_by(|a, b| a.choice.fineness.total_cmp(&b.choice.fineness));
+        (integrator, rows)
+    };
+    METHODS.iter().map(kind).filter(|(_, rows)| !rows.is_empty()).collect()
+}
+
+/// One line for each integrator.
+fn lines(findings: &Findings, point: impl Fn(&Row) -> Option<[f64; 2]>) -> Vec<Series> {
+    let line = |(integrator, rows): (Method, Vec<&Row>)| {
+        let points = rows.into_iter().filter_map(&point).filter(|p| p.iter().all(|&x| x > 0.0 && x.is_finite()));
+        let name = integrator.name().to_owned();
+        Series { name, points: points.collect(), stroke: Stroke::Marked }
+    };
+    by_integrator(findings).into_iter().map(line).filter(|series| !series.points.is_empty()).collect()
+}
+
+fn integrators(findings: &Findings) -> Plot {
+    let point = |row: &Row| Some([row.least_seconds(), row.time_error?.rms_mm / findings.largest_mm]);
+    let mut series = lines(findings, point);
+    // Other numbers are points of their own.
+    series.extend(Arithmetic::ALL.into_iter().filter(|&arithmetic| arithmetic != findings.usual).filter_map(
+        |arithmetic| {
+            let own = grid(findings).filter(|row| row.choice.arithmetic == arithmetic);
+            let points: Vec<[f64; 2]> =
+                own.filter_map(point).filter(|p| p.iter().all(|&x| x > 0.0 && x.is_finite())).collect();
+            let name = arithmetic.name().to_owned();
+            (!points.is_empty()).then_some(Series { name, points, stroke: Stroke::Discs })
+        },
+    ));
+    Plot {
+        title: format!("Error of the step alone against time, {} mm", findings.base_mm),
+        x: Axis::logarithmic("time of a run", "s"),
+        y: Axis::logarithmic("error (rms) over largest displacement", ""),
+        series,
     }
-    kinds.sort_by(|a, b| {
-        let of = |kind: &(String, Vec<&Row>)| kind.1.first().map_or(0.0, |row| row.choice.pitch_mm);
-        of(b).total_cmp(&of(a))
-    });
-    kinds
 }
 
 fn orders(findings: &Findings) -> Plot {
-    let mut series = Vec::new();
-    for (name, rows) in kinds(findings) {
-        let of = |row: &&Row| Some([row.dt_s, row.time_error?.rms_mm]).filter(|p| p[1] > 0.0);
-        let mut points: Vec<[f64; 2]> = rows.iter().filter_map(of).collect();
-        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let clear: Vec<[f64; 2]> = rows.iter().filter(|row| row.shows_order).filter_map(of).collect();
-        let slope = fit(&clear).map_or(String::new(), |law| format!(", order {:.2}", law.slope));
-        series.push(Series { name: format!("{name}{slope}"), points, stroke: Stroke::Marked });
+    let mut series = lines(findings, |row| Some([row.dt_s, row.time_error?.rms_mm]));
+    let base = findings.levels.iter().find(|level| level.pitch_mm == findings.base_mm);
+    for order in base.map_or(&[][..], |level| &level.time_orders) {
+        if let Some(line) = series.iter_mut().find(|line| line.name == order.integrator.name()) {
+            line.name = format!("{}, order {:.2}", line.name, order.law.slope);
+        }
     }
-    series.retain(|series| !series.points.is_empty());
     Plot {
-        title: "Error of the step alone".to_owned(),
-        x: Axis::logarithmic("step", "s"),
+        title: format!("Error of the step alone, {} mm", findings.base_mm),
+        x: Axis::logarithmic("step (mean step where it is divided by its error)", "s"),
         y: Axis::logarithmic("error (rms)", "mm"),
         series,
     }

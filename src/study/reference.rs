@@ -109,7 +109,12 @@ impl Reference {
 
     /// How far a run on the same lattice is off, at the worst instant.
     pub fn deviation(&self, run: &Track) -> Option<Deviation> {
-        deviation(&self.particles, run, &self.track)
+        self.apart(run, &self.track)
+    }
+
+    /// How far two runs on the same lattice are from each other, at the worst instant.
+    pub fn apart(&self, run: &Track, other: &Track) -> Option<Deviation> {
+        deviation(&self.particles, run, other)
     }
 }
 

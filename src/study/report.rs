@@ -2,16 +2,19 @@
 
 use std::fmt::{self, Write};
 
-use super::choice::Choice;
-use super::findings::{Findings, Level, Row};
+use super::choice::{Arithmetic, Choice, LONG_STEP, METHODS, TOLERANCE};
+use super::findings::{Findings, Row, TimeOrder};
 use super::ledger::Ledger;
 use super::order::fit;
 use super::pareto::cheapest;
 use super::plan::Plan;
-use super::plots::{ERROR_TIME, ORDERS, PITCHES, SURFACES};
+use super::plots::{ERROR_TIME, INTEGRATORS, ORDERS, PITCHES, SURFACES};
+use crate::dynamics::integrator::Method;
 
 /// Relative errors that are asked for.
 const ASKED: [(f64, &str); 4] = [(0.1, "10 %"), (0.01, "1 %"), (1e-3, "0.1 %"), (1e-4, "0.01 %")];
+/// Times that differ by less are not told apart.
+const ALIKE: f64 = 1.1;
 
 /// What the page says besides what was found.
 pub struct Page<'a> {
@@ -60,9 +63,16 @@ fn seconds(value: f64) -> String {
 }
 
 fn described(choice: &Choice) -> String {
-    let Choice { integrator, pitch_mm, fineness, exact } = choice;
-    let step = if *fineness == 1.0 { "the largest stable step".to_owned() } else { format!("1/{fineness} of it") };
-    format!("{pitch_mm} mm, {step}, {integrator}{}", if *exact { ", exact" } else { "" })
+    let Choice { integrator, pitch_mm, fineness, arithmetic } = choice;
+    let longest = if integrator.is_stable_at_any_step() { "its longest step" } else { "its largest stable step" };
+    let step = match choice.tolerance() {
+        Some(tolerance) => format!("tolerance {} mm", two(1e3 * tolerance)),
+        None if *fineness == 1.0 => longest.to_owned(),
+        None if *fineness < 1.0 => format!("{} times {longest}", two(1.0 / fineness)),
+        None => format!("1/{fineness} of {longest}"),
+    };
+    let numbers = if *arithmetic == Arithmetic::Fast { String::new() } else { format!(", {arithmetic}") };
+    format!("{pitch_mm} mm, {}, {step}{numbers}", integrator.name())
 }
 
 fn write_page(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Plan, ledger: &Ledger) -> fmt::Result {
@@ -83,9 +93,13 @@ fn write_page(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Pl
          shortest of its repeats, of stepping alone (reading, assembling and writing are the same whatever the step). Runs are \
          compared at {} evenly spaced instants; the worst counts. Particles of the fringe around the tissue and of bone are left out.\n\n\
          *Relative error* is a distance over the largest displacement of any particle at any instant, here {} mm; *rms* is the root \
-         of the mean square over the particles, *max* the particle that is off most, *99 %* what 99 of 100 particles keep to.\n",
+         of the mean square over the particles, *max* the particle that is off most, *99 %* what 99 of 100 particles keep to.\n\n\
+         Steps count from the largest stable one of each integrator itself; {} of the plain one stand for the longest step of \
+         `backward_euler`, which is stable at any. `bogacki_shampine` divides its steps by their error: its finenesses ask for a \
+         tolerance of {TOLERANCE:e} pitches over their cube, and the step told is the mean one.\n",
         page.instants,
-        two(largest)
+        two(largest),
+        LONG_STEP
     )?;
     let name = |extrapolated: bool| {
         if extrapolated { "the limit of vanishing steps (Richardson), from its finest runs" } else { "its finest run" }
@@ -100,9 +114,10 @@ fn write_page(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Pl
         });
         writeln!(
             text,
-            "- {} mm ({} particles) is judged by {}, which is {doubt}.",
+            "- {} mm ({} particles) is judged by `{}`: {}, which is {doubt}.",
             level.pitch_mm,
             level.particles,
+            findings.judge.name(),
             name(level.extrapolated)
         )?;
     }
@@ -143,9 +158,10 @@ fn summary(findings: &Findings) -> Vec<String> {
     let rows: Vec<&Row> = findings.rows.iter().filter(of_base).collect();
     if let Some((row, error)) = rows.first().and_then(|row| Some((row, row.time_error?))) {
         sentences.push(format!(
-            "At the scene's pitch of {} mm the largest stable step ({}, {} steps, {}) is off by {} (rms; {} for the \
+            "At the scene's pitch of {} mm the largest stable step of {} ({}, {} steps, {}) is off by {} (rms; {} for the \
              particle that is off most) of the largest displacement, {} mm.",
             findings.base_mm,
+            row.choice.integrator.name(),
             seconds(row.dt_s),
             row.steps,
             seconds(row.least_seconds()),
@@ -154,25 +170,32 @@ fn summary(findings: &Findings) -> Vec<String> {
             two(largest)
         ));
     }
-    // The order is that of the integrator which others are judged by.
-    let reference = findings.rows.iter().find(|row| row.choice.pitch_mm == findings.base_mm && row.reference);
-    let judge = reference.or(rows.first().copied());
-    if let (Some(law), Some(Row { choice, .. })) = (base.and_then(|level| level.time_order), judge) {
-        let own = |row: &Row| row.choice.integrator == choice.integrator && row.choice.exact == choice.exact;
-        let points: Vec<[f64; 2]> = rows
-            .iter()
-            .filter(|row| row.shows_order && own(row))
-            .filter_map(|row| Some([row.time_error?.rms_mm, row.least_seconds()]))
-            .collect();
-        let digit = fit(&points).map_or(String::new(), |cost| {
-            format!("; a digit more costs {} times the time", two(10_f64.powf(-cost.slope)))
-        });
+    sentences.extend(cheapest_integrators(findings));
+    let orders = base.map_or(&[][..], |level| &level.time_orders);
+    let named = |order: &TimeOrder| {
+        let theory = order.integrator.order().unwrap_or(0);
+        format!("{} {:.2} ({theory} in theory)", order.integrator.name(), order.law.slope)
+    };
+    if !orders.is_empty() {
         sentences.push(format!(
-            "The error of the step of {} goes with its power {:.2}: half the step, {} of the error{digit}.",
-            choice.integrator,
-            law.slope,
-            two(0.5_f64.powf(law.slope))
+            "Errors of the step go with these powers of it: {}.",
+            orders.iter().map(named).collect::<Vec<_>>().join(", ")
         ));
+    }
+    let digits: Vec<String> = orders
+        .iter()
+        .filter_map(|&TimeOrder { integrator, .. }| {
+            let own = |row: &&&Row| {
+                row.shows_order && row.choice.integrator == integrator && row.choice.arithmetic == findings.usual
+            };
+            let points: Vec<[f64; 2]> =
+                rows.iter().filter(own).filter_map(|row| Some([row.time_error?.rms_mm, row.least_seconds()])).collect();
+            let cost = fit(&points)?;
+            Some(format!("{} {}", integrator.name(), two(10_f64.powf(-cost.slope))))
+        })
+        .collect();
+    if !digits.is_empty() {
+        sentences.push(format!("A digit more costs so many times the time: {}.", digits.join(", ")));
     }
     let space = base.and_then(|level| level.space_error);
     if let (Some(space), Some(law)) = (space, findings.space_law) {
@@ -214,9 +237,47 @@ fn summary(findings: &Findings) -> Vec<String> {
     sentences
 }
 
+/// Which integrator is the cheapest for each error asked for, by the step alone at the scene's pitch.
+fn cheapest_integrators(findings: &Findings) -> Option<String> {
+    let of_grid = |row: &&Row| {
+        row.choice.pitch_mm == findings.base_mm && row.choice.arithmetic == findings.usual && !row.reference
+    };
+    let rows: Vec<&Row> = findings.rows.iter().filter(of_grid).collect();
+    let error = |row: &Row| row.time_error.map_or(f64::NAN, |error| error.rms_mm / findings.largest_mm);
+    let least = |integrator: Method, asked: f64| {
+        let own = rows.iter().filter(|row| row.choice.integrator == integrator && error(row) <= asked);
+        own.min_by(|a, b| a.least_seconds().total_cmp(&b.least_seconds())).copied()
+    };
+    let tried = METHODS.iter().filter(|&&method| rows.iter().any(|row| row.choice.integrator == method)).count();
+    if tried < 2 {
+        return None;
+    }
+    let answer = |(asked, name): (f64, &str)| {
+        let mut best: Vec<&Row> = METHODS.iter().filter_map(|&integrator| least(integrator, asked)).collect();
+        best.sort_by(|a, b| a.least_seconds().total_cmp(&b.least_seconds()));
+        let Some(first) = best.first() else { return format!("{name}: none of the grid") };
+        let alike = best[1..].iter().filter(|row| row.least_seconds() < ALIKE * first.least_seconds());
+        let alike: Vec<&str> = alike.map(|row| row.choice.integrator.name()).collect();
+        let alike = if alike.is_empty() { String::new() } else { format!("; as fast: {}", alike.join(", ")) };
+        let unsure = if first.time_resolved { "" } else { " ?" };
+        let is_off = percent(error(first));
+        format!(
+            "{name}: {} ({}, off by {is_off}{unsure}{alike})",
+            first.choice.integrator.name(),
+            seconds(first.least_seconds())
+        )
+    };
+    Some(format!(
+        "By the step alone, the cheapest integrator at {} mm for an error (rms) of {}.",
+        findings.base_mm,
+        ASKED.map(answer).join(", of ")
+    ))
+}
+
 /// The cheapest choice for each error asked for.
 fn cheapest_choices(text: &mut String, findings: &Findings) -> fmt::Result {
-    let grid = || findings.rows.iter().filter(|row| !row.reference);
+    // Other numbers are there only for comparison.
+    let grid = || findings.rows.iter().filter(|row| !row.reference && row.choice.arithmetic == findings.usual);
     type Measure = fn(&Row) -> Option<f64>;
     let of_step = |row: &Row| row.time_error.map(|error| error.rms_mm);
     let own: [(&str, bool, Measure); 4] = [
@@ -283,17 +344,22 @@ fn steps(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Result
             share(energy_error),
         )?;
     }
-    if page.pictures.contains(&ORDERS) {
-        writeln!(text, "\n![Error of the step]({ORDERS})")?;
-    }
-    for level in findings.levels.iter() {
-        if let Level { pitch_mm, time_order: Some(law), .. } = level {
-            writeln!(
-                text,
-                "\nObserved order at {pitch_mm} mm: {:.2}, of errors clear of the doubt and steps that were not divided.",
-                law.slope
-            )?;
+    for (name, picture) in [("Error of the step against time", INTEGRATORS), ("Error of the step", ORDERS)] {
+        if page.pictures.contains(&picture) {
+            writeln!(text, "\n![{name}]({picture})")?;
         }
+    }
+    writeln!(text, "\nObserved orders, of errors clear of the doubt and steps that were not divided:\n")?;
+    writeln!(text, "| pitch [mm] | {} |", METHODS.iter().map(|method| method.name()).collect::<Vec<_>>().join(" | "))?;
+    writeln!(text, "|---:|{}", "---:|".repeat(METHODS.len()))?;
+    let theory = METHODS.iter().map(|method| method.order().map_or("-".to_owned(), |order| order.to_string()));
+    writeln!(text, "| in theory | {} |", theory.collect::<Vec<_>>().join(" | "))?;
+    for level in &findings.levels {
+        let of = |&method: &Method| {
+            let order = level.time_orders.iter().find(|order| order.integrator == method);
+            order.map_or("-".to_owned(), |order| format!("{:.2}", order.law.slope))
+        };
+        writeln!(text, "| {} | {} |", level.pitch_mm, METHODS.iter().map(of).collect::<Vec<_>>().join(" | "))?;
     }
     Ok(())
 }
@@ -372,26 +438,37 @@ fn arithmetic(text: &mut String, findings: &Findings, ledger: &Ledger) -> fmt::R
     let pairs: Vec<(&Row, &Row)> = findings
         .rows
         .iter()
-        .filter(|row| row.choice.exact)
-        .filter_map(|exact| {
-            let choice = Choice { exact: false, ..exact.choice.clone() };
-            Some((findings.rows.iter().find(|row| row.choice == choice)?, exact))
+        .filter_map(|row| {
+            let choice = row.choice.in_arithmetic(findings.usual);
+            let usual = findings.rows.iter().find(|other| other.choice == choice && row.choice != choice)?;
+            Some((usual, row))
         })
         .collect();
     if pairs.is_empty() && ledger.rounding().is_none() {
         return Ok(());
     }
     writeln!(text, "\n## Rounding\n")?;
-    for (fast, exact) in pairs {
-        if let (Some(a), Some(b)) = (fast.time_error, exact.time_error) {
-            writeln!(
-                text,
-                "- Exact arithmetic instead of fast takes {} times the time at {} and changes the error (rms) by {}.",
-                two(exact.least_seconds() / fast.least_seconds()),
-                described(&fast.choice),
-                percent((a.rms_mm - b.rms_mm).abs() / largest)
-            )?;
-        }
+    for (usual, other) in pairs {
+        let (Some(a), Some(b), Some(apart)) = (usual.time_error, other.time_error, other.from_usual) else { continue };
+        let Choice { integrator, arithmetic, .. } = other.choice;
+        // The plain step in f64 reads dampers otherwise.
+        let note = if arithmetic == Arithmetic::Double && integrator == Method::SymplecticEuler {
+            "; in f64 dampers read the rate of length itself, otherwise the difference of two lengths, which differs by an error of first order"
+        } else {
+            ""
+        };
+        writeln!(
+            text,
+            "- {}: {arithmetic} takes {} times the time of {}, ends {} (rms) and {} (max) of the largest displacement from it, and its \
+             error (rms) is {} instead of {}{note}.",
+            described(&usual.choice),
+            two(other.least_seconds() / usual.least_seconds()),
+            findings.usual,
+            percent(apart.rms_mm / largest),
+            percent(apart.max_mm / largest),
+            percent(b.rms_mm / largest),
+            percent(a.rms_mm / largest)
+        )?;
     }
     if let Some(rounding) = ledger.rounding() {
         writeln!(
@@ -425,14 +502,17 @@ fn left_out(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Plan
             seconds(page.budget_seconds)
         )?;
     }
-    for line in skipped {
-        let what = if line.repeat == 0 { "not run".to_owned() } else { format!("not run a {}. time", line.repeat + 1) };
+    for line in skipped.iter().filter(|line| line.repeat == 0) {
         writeln!(
             text,
-            "- {}: {what}, for it would take about {} and the time was up.",
+            "- {}: not run, for it would take about {} and the time was up.",
             described(&line.choice),
             seconds(line.seconds)
         )?;
+    }
+    let repeats = skipped.iter().filter(|line| line.repeat > 0).count();
+    if repeats > 0 {
+        writeln!(text, "- {repeats} repeats, for the time was up: the shortest times are those of fewer runs.")?;
     }
     for (choice, why) in &findings.failed {
         writeln!(text, "- {}: {why}", described(choice))?;

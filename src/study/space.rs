@@ -58,7 +58,7 @@ mod tests {
             particles: 9,
             extrapolated: true,
             doubt: None,
-            time_order: None,
+            time_orders: Vec::new(),
             from_finest: off.map(of),
             space_error: None,
         }

@@ -6,24 +6,25 @@ use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
 
-use super::choice::{Choice, at_pitch};
-use super::ledger::{Ledger, LedgerError, Line, ProbeLine, RunLine, SkippedLine, Subject};
+use super::choice::{Arithmetic, Choice, METHODS, at_pitch, longest, may_judge};
+use super::ledger::{FORMAT, Ledger, LedgerError, Line, Pace, ProbeLine, RunLine, SkippedLine, Subject};
 use super::plan::{Options, PITCHES, Plan, SLACK, plan};
+use super::probe::paces;
 use super::rounding;
 use crate::dynamics::World;
+use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::{Event, Timeline, TimelineError};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
-use crate::run::estimate::Pace;
 use crate::run::inputs::Inputs;
-use crate::run::prepare::{PrepareError, Prepared, prepare};
+use crate::run::prepare::{PrepareError, Prepared, Schedule, prepare};
 use crate::run::record::Recorder;
 use crate::scene::resolved::Scene;
 use crate::store::{RunWriter, Status, WriteRunError};
 
 /// Folder of the runs in that of a study.
 pub const RUNS: &str = "runs";
-/// A probe steps for about this long.
-const PROBE: Duration = Duration::from_millis(400);
+/// A probe steps for this share of the budget, of each pitch, to come where steps cost what they cost.
+const PROBE: f64 = 0.01;
 /// Share of the budget after which no run is begun that would go beyond.
 const ALL_RUNS: f64 = 0.85;
 
@@ -58,11 +59,19 @@ pub struct Study<'a> {
     folder: PathBuf,
     options: Options,
     ledger: Ledger,
-    levels: BTreeMap<u64, Prepared>,
+    levels: BTreeMap<u64, Level>,
     scene_pitch_mm: f64,
     began: Instant,
     /// Time spent before \[s\].
     spent_before: f64,
+}
+
+/// A pitch that was prepared.
+struct Level {
+    /// For the plain step.
+    prepared: Prepared,
+    /// Longest steps of the integrators that were asked for so far.
+    longest: Vec<(Method, Schedule)>,
 }
 
 /// What a study tells while it goes on.
@@ -94,6 +103,7 @@ impl<'a> Study<'a> {
         hash.update(serde_json::to_vec(scene).expect("a resolved scene is plain data"));
         inputs.files.iter().for_each(|file| hash.update(file.sha256.as_bytes()));
         let subject = Subject {
+            format: FORMAT,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_sha256: hex(hash),
             instants: options.instants,
@@ -105,7 +115,7 @@ impl<'a> Study<'a> {
         plain.lattice.pitch = scene.lattice.pitch;
         let prepared = prepare(&plain, inputs)?;
         let scene_pitch_mm = rounded(prepared.lattice.pitch * 1e3);
-        let levels = BTreeMap::from([(scene_pitch_mm.to_bits(), prepared)]);
+        let levels = BTreeMap::from([(scene_pitch_mm.to_bits(), Level { prepared, longest: Vec::new() })]);
         let folder = folder.to_owned();
         Ok(Self { scene, inputs, folder, options, ledger, levels, scene_pitch_mm, began, spent_before })
     }
@@ -145,7 +155,7 @@ impl<'a> Study<'a> {
         self.spent_before + self.began.elapsed().as_secs_f64()
     }
 
-    /// Times a step of every pitch, where that is not known yet, and plans the runs. What runs took is a better guess than the probe,
+    /// Times steps of every pitch, where that is not known yet, and plans the runs. What runs took is a better guess than the probe,
     /// so that a plan made after some runs may hold more of them; it holds all that were made.
     ///
     /// # Errors
@@ -154,12 +164,17 @@ impl<'a> Study<'a> {
         let by_scene = || PITCHES.iter().map(|share| rounded(share * self.scene_pitch_mm)).collect();
         let pitches: Vec<f64> = self.options.pitches_mm.clone().unwrap_or_else(by_scene);
         for &pitch_mm in &pitches {
-            if self.ledger.probes().all(|probe| probe.pitch_mm != pitch_mm) {
-                let probe = self.probe(pitch_mm);
+            let wanted = self.probed(pitch_mm);
+            let knows = |probe: &ProbeLine, choice: &Choice| {
+                probe.paces.iter().any(|pace| pace.choice == *choice) || probe.untimed.contains(choice)
+            };
+            let known = self.ledger.probe(pitch_mm);
+            if known.is_none_or(|probe| probe.failed.is_none() && !wanted.iter().all(|choice| knows(probe, choice))) {
+                let probe = self.probe(pitch_mm, &wanted);
                 self.ledger.push(Line::Probe(probe))?;
             }
         }
-        let probes = self.ledger.probes().filter(|probe| pitches.contains(&probe.pitch_mm));
+        let probes = pitches.iter().filter_map(|&pitch_mm| self.ledger.probe(pitch_mm));
         let probes: Vec<ProbeLine> = probes.map(|probe| self.learned(probe)).collect();
         let known = |choice: &Choice| self.ledger.has(choice, 0);
         plan(&probes, &self.options, self.scene_pitch_mm, &known).ok_or_else(|| {
@@ -168,55 +183,104 @@ impl<'a> Study<'a> {
         })
     }
 
-    /// A probe with what runs of its pitch took.
-    fn learned(&self, probe: &ProbeLine) -> ProbeLine {
-        let (mut seconds, mut steps) = (0.0, 0);
-        for run in self.ledger.runs().filter(|run| run.choice.pitch_mm == probe.pitch_mm && run.failed.is_none()) {
-            seconds += run.seconds;
-            steps += run.evaluations;
+    /// The choices that are timed at a pitch: every integrator, and at the finest step too where that costs not just so many times more;
+    /// f64 where it may be run. The dearest come last.
+    fn probed(&self, pitch_mm: f64) -> Vec<Choice> {
+        let Options { integrators, arithmetic, finenesses, .. } = &self.options;
+        let usual = self.options.usual();
+        let coarsest = finenesses.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = finenesses.iter().copied().fold(0.0, f64::max);
+        let methods = || METHODS.iter().copied().filter(|method| integrators.contains(method));
+        let timed = |integrator, fineness, arithmetic| Choice { integrator, pitch_mm, fineness, arithmetic };
+        let mut wanted: Vec<Choice> =
+            methods().filter(|&method| may_judge(method)).map(|method| timed(method, coarsest, usual)).collect();
+        if usual != Arithmetic::Double && arithmetic.contains(&Arithmetic::Double) && pitch_mm == self.scene_pitch_mm {
+            let of_grid = wanted.clone();
+            wanted.extend(of_grid.iter().map(|choice| choice.in_arithmetic(Arithmetic::Double)));
         }
-        let step_seconds = if steps > 0 { seconds / steps as f64 / SLACK } else { probe.step_seconds };
-        ProbeLine { step_seconds, ..probe.clone() }
+        for method in methods().filter(|&method| !may_judge(method)) {
+            wanted.push(timed(method, coarsest, usual));
+            if most > coarsest {
+                wanted.push(timed(method, most, usual));
+            }
+        }
+        wanted
     }
 
-    fn probe(&mut self, pitch_mm: f64) -> ProbeLine {
+    /// A probe with what runs of its pitch took in place of its own guesses.
+    fn learned(&self, probe: &ProbeLine) -> ProbeLine {
+        let mut learned = probe.clone();
+        for run in self.ledger.runs().filter(|run| run.failed.is_none() && run.repeat == 0) {
+            if run.choice.pitch_mm == probe.pitch_mm {
+                learned.paces.retain(|pace| pace.choice != run.choice);
+                learned.paces.push(Pace { choice: run.choice.clone(), seconds: run.seconds / SLACK });
+            }
+        }
+        learned
+    }
+
+    fn probe(&mut self, pitch_mm: f64, wanted: &[Choice]) -> ProbeLine {
         let begun = Instant::now();
-        let instants = self.options.instants;
-        let mut probed = || -> Result<(usize, u64, Pace), String> {
-            let scene = at_pitch(self.scene, pitch_mm, instants);
-            let prepared = self.level(pitch_mm).map_err(|error| error.to_string())?.clone();
-            let (particles, schedule) = (prepared.lattice.len(), prepared.schedule);
+        let most = Duration::from_secs_f64(PROBE * self.options.budget_seconds);
+        let mut probed = || -> Result<(usize, Vec<Pace>, Duration), String> {
+            let text = |error: &dyn std::error::Error| error.to_string();
+            let scene = at_pitch(self.scene, pitch_mm, self.options.instants);
+            let schedule = |choice: &Choice| Ok((choice.clone(), self.schedule(choice)?));
+            let ways = wanted.iter().map(schedule).collect::<Result<Vec<_>, PrepareError>>();
+            let ways = ways.map_err(|error| text(&error))?;
+            let prepared = self.level(pitch_mm).map_err(|error| text(&error))?.prepared.clone();
+            let particles = prepared.lattice.len();
             let timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &self.inputs.tools);
-            let mut timeline = timeline.map_err(|error| error.to_string())?;
+            let mut timeline = timeline.map_err(|error| text(&error))?;
             let mut world = prepared.into_world(&scene);
-            let pace = Pace::measure(&mut world, &mut timeline, &schedule, PROBE).map_err(|error| error.to_string())?;
-            Ok((particles, schedule.steps, pace))
+            let stepping = Instant::now();
+            let paces = paces(&mut world, &mut timeline, &ways, most).map_err(|error| text(&error))?;
+            Ok((particles, paces, stepping.elapsed()))
         };
         let found = probed();
         // Preparing is timed with it: runs clone what was prepared, and write a few frames.
-        let other_seconds = (begun.elapsed().as_secs_f64() - PROBE.as_secs_f64()).max(0.05);
+        let other_seconds = |stepping: Duration| begun.elapsed().saturating_sub(stepping).as_secs_f64().max(0.05);
         match found {
-            Ok((particles, steps, pace)) => {
-                ProbeLine { pitch_mm, particles, steps, step_seconds: pace.step, other_seconds, failed: None }
+            Ok((particles, paces, stepping)) => {
+                let untimed = |choice: &&Choice| paces.iter().all(|pace| pace.choice != **choice);
+                let untimed = wanted.iter().filter(untimed).cloned().collect();
+                let other_seconds = other_seconds(stepping);
+                ProbeLine { pitch_mm, particles, paces, untimed, other_seconds, failed: None }
             }
             Err(why) => ProbeLine {
                 pitch_mm,
                 particles: 0,
-                steps: 0,
-                step_seconds: 0.0,
-                other_seconds,
+                paces: Vec::new(),
+                untimed: Vec::new(),
+                other_seconds: other_seconds(Duration::ZERO),
                 failed: Some(format!("pitch {pitch_mm} mm: {why}")),
             },
         }
     }
 
-    fn level(&mut self, pitch_mm: f64) -> Result<&Prepared, PrepareError> {
+    fn level(&mut self, pitch_mm: f64) -> Result<&mut Level, PrepareError> {
         let key = pitch_mm.to_bits();
         if !self.levels.contains_key(&key) {
             let prepared = prepare(&at_pitch(self.scene, pitch_mm, self.options.instants), self.inputs)?;
-            self.levels.insert(key, prepared);
+            self.levels.insert(key, Level { prepared, longest: Vec::new() });
         }
-        Ok(&self.levels[&key])
+        Ok(self.levels.get_mut(&key).expect("just prepared"))
+    }
+
+    /// The steps of a choice.
+    fn schedule(&mut self, choice: &Choice) -> Result<Schedule, PrepareError> {
+        let scene = at_pitch(self.scene, choice.pitch_mm, self.options.instants);
+        let Level { prepared, longest: known } = self.level(choice.pitch_mm)?;
+        let own = known.iter().find(|(method, _)| *method == choice.integrator).map(|(_, schedule)| *schedule);
+        let own = match own {
+            Some(own) => own,
+            None => {
+                let own = longest(choice.integrator, prepared, &scene)?;
+                known.push((choice.integrator, own));
+                own
+            }
+        };
+        Ok(choice.schedule(&own))
     }
 
     /// Makes the runs of a plan that are not known yet, round after round.
@@ -272,9 +336,9 @@ impl<'a> Study<'a> {
     fn run_one(&mut self, choice: &Choice, repeat: usize, rounding: bool) -> Result<(), StudyError> {
         let begun = Instant::now();
         let scene = choice.apply(self.scene, self.options.instants);
-        let mut prepared = self.level(choice.pitch_mm)?.clone();
-        prepared.schedule = choice.schedule(&prepared.schedule);
-        let schedule = prepared.schedule;
+        let schedule = self.schedule(choice)?;
+        let mut prepared = self.level(choice.pitch_mm)?.prepared.clone();
+        prepared.schedule = schedule;
         let particles = prepared.lattice.len();
         let mut timeline = Timeline::with_tools(&scene.operations, &prepared.lattice, &self.inputs.tools)?;
         let folder = self.run_folder(choice);
@@ -286,6 +350,7 @@ impl<'a> Study<'a> {
             None
         };
         let mut world = prepared.into_world(&scene);
+        world.set_integrator(choice.way());
         let mut watch = Watch { recorder, ..Watch::new() };
         let driven = drive(&mut world, &mut timeline, &schedule, &mut watch);
         let (failed, counts) = match driven {
@@ -306,13 +371,18 @@ impl<'a> Study<'a> {
         for displacement in world.displacements_mm() {
             displacement.iter().for_each(|part| bits.update(part.to_le_bytes()));
         }
-        let evaluations = choice.method().map_or(1, |method| method.evaluations) * world.steps();
+        let effort = world.effort();
+        let (steps, evaluations) = match choice.integrator.evaluations() {
+            Some(each) => (world.steps(), each * world.steps()),
+            None => (effort.parts, effort.evaluations),
+        };
+        let planned = choice.integrator.evaluations().is_some() || steps <= schedule.steps;
         let line = RunLine {
             choice: choice.clone(),
             repeat,
             particles,
-            dt_s: schedule.dt,
-            steps: world.steps(),
+            dt_s: if planned { schedule.dt } else { schedule.dt * schedule.steps as f64 / steps as f64 },
+            steps,
             divided: counts.map_or(0, |counts| counts.divided),
             evaluations,
             seconds: watch.stepping.as_secs_f64(),

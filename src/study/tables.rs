@@ -9,11 +9,12 @@ use super::ledger::{Ledger, RoundingLine, SurfaceLine};
 use super::plan::Plan;
 
 /// Columns of the table, with units.
-const COLUMNS: [&str; 29] = [
+const COLUMNS: [&str; 31] = [
     "integrator",
     "pitch_mm",
     "fineness",
     "arithmetic",
+    "tolerance_mm",
     "reference",
     "particles",
     "dt_s",
@@ -30,6 +31,7 @@ const COLUMNS: [&str; 29] = [
     "time_error_max_mm",
     "time_error_rms_relative",
     "time_resolved",
+    "from_usual_arithmetic_rms_mm",
     "space_error_rms_mm",
     "space_error_max_mm",
     "error_rms_mm",
@@ -59,10 +61,11 @@ fn fields(row: &Row, largest_mm: f64) -> Vec<String> {
     let number = |value: Option<f64>| value.filter(|v| v.is_finite()).map_or(String::new(), |v| format!("{v:e}"));
     let Row { choice, time_error, space_error, error, surface, .. } = row;
     vec![
-        choice.integrator.clone(),
+        choice.integrator.name().to_owned(),
         choice.pitch_mm.to_string(),
         choice.fineness.to_string(),
-        if choice.exact { "exact" } else { "fast" }.to_owned(),
+        choice.arithmetic.to_string(),
+        number(choice.tolerance().map(|tolerance| tolerance * 1e3)),
         row.reference.to_string(),
         row.particles.to_string(),
         number(Some(row.dt_s)),
@@ -79,6 +82,7 @@ fn fields(row: &Row, largest_mm: f64) -> Vec<String> {
         number(time_error.map(|e| e.max_mm)),
         number(time_error.map(|e| e.rms_mm / largest_mm)),
         row.time_resolved.to_string(),
+        number(row.from_usual.map(|apart| apart.rms_mm)),
         number(space_error.map(|e| e.rms_mm)),
         number(space_error.map(|e| e.max_mm)),
         number(error.map(|e| e.rms_mm)),

@@ -108,7 +108,7 @@ fn every_shipped_scene_resolves_without_a_warning_and_survives_json() {
             check_paper_step(&scene, path);
         }
     }
-    assert_eq!(files.len(), 13);
+    assert_eq!(files.len(), 15);
     let quickstart = scene::load(&fixtures("scenes/quickstart.toml"), &Names).unwrap().0;
     assert_eq!(parse(scene::QUICKSTART).0, quickstart);
 }

@@ -94,6 +94,7 @@ impl BackwardEuler {
                 let moved = displacement[axis].iter().zip(&before[axis]);
                 velocity[axis].iter_mut().zip(moved).for_each(|(v, (now, then))| *v = (now - then) / part);
             }
+            newton.effort.parts += 1;
             // Parts are halves of halves, so the last one ends exactly.
             left -= part;
             part = if left >= 2.0 * part { 2.0 * part } else { part.min(left) };

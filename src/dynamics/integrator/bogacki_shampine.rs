@@ -25,6 +25,7 @@
 
 use super::Mechanics;
 use super::field::{Field, Real, combine, fit, largest};
+use super::newton::Effort;
 
 /// A step is not divided into more parts than this.
 const MOST_PARTS: u32 = 100_000;
@@ -36,6 +37,7 @@ pub(super) struct BogackiShampine<R> {
     stage: [Field<R>; 2],
     /// [s]; 0 before the first.
     next: f64,
+    effort: Effort,
 }
 
 /// A step that could not be divided finely enough.
@@ -56,11 +58,12 @@ impl<R: Real> BogackiShampine<R> {
         dt: f64,
         [tolerance, radian]: [f64; 2],
     ) -> Result<(), TooManyParts> {
-        let Self { a: [a1, a2, a3, a4], stage: [u, v], next } = self;
+        let Self { a: [a1, a2, a3, a4], stage: [u, v], next, effort } = self;
         for buffer in [&mut *a1, a2, a3, a4, u, v] {
             fit(buffer, displacement[0].len());
         }
         mechanics.accelerations(displacement, velocity, a1);
+        effort.evaluations += 1;
         let (mut left, mut parts) = (dt, 0);
         if *next <= 0.0 {
             *next = dt;
@@ -78,6 +81,7 @@ impl<R: Real> BogackiShampine<R> {
             combine(u, displacement, [(h, velocity), (h * kick / 6.0, a1), (h * kick / 3.0, a2)]);
             combine(v, velocity, [(kick * 2.0 / 9.0, a1), (kick / 3.0, a2), (kick * 4.0 / 9.0, a3)]);
             mechanics.accelerations(u, v, a4);
+            effort.evaluations += 3;
             let of_place = {
                 let scale = h * kick;
                 largest([(scale / 72.0, a1), (scale / 24.0, a2), (-scale / 18.0, a3)])
@@ -89,6 +93,7 @@ impl<R: Real> BogackiShampine<R> {
                 if error.is_finite() { (0.9 * error.max(1e-12).powf(-1.0 / 3.0)).clamp(0.2, 5.0) } else { 0.2 };
             parts += 1;
             if error <= 1.0 {
+                effort.parts += 1;
                 std::mem::swap(displacement, u);
                 std::mem::swap(velocity, v);
                 std::mem::swap(a1, a4);
@@ -103,5 +108,10 @@ impl<R: Real> BogackiShampine<R> {
         }
         *next = next.min(dt);
         Ok(())
+    }
+
+    /// Evaluations of all parts, those that were taken again included; parts that were accepted.
+    pub(super) fn effort(&self) -> Effort {
+        self.effort
     }
 }

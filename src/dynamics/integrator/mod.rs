@@ -83,18 +83,39 @@ impl Method {
         }
     }
 
-    /// Order and evaluations of the forces per step, in words.
-    pub fn cost_in_words(self) -> &'static str {
+    /// Its error goes with this power of the step; `None` where there is no motion to be wrong about.
+    pub fn order(self) -> Option<u32> {
         match self {
-            Self::SymplecticEuler => "order 1, one force evaluation per step",
-            Self::Verlet => "order 2, one force evaluation per step",
-            Self::Rk4 => "order 4, four force evaluations per step",
-            Self::BogackiShampine => {
-                "order 3 with error control, four force evaluations per step and three per further part"
-            }
-            Self::BackwardEuler => "order 1, stable at any step, as many force evaluations as Newton's iteration takes",
-            Self::QuasiStatic => "the settled shape, as many force evaluations as Newton's iteration takes",
+            Self::SymplecticEuler | Self::BackwardEuler => Some(1),
+            Self::Verlet => Some(2),
+            Self::BogackiShampine => Some(3),
+            Self::Rk4 => Some(4),
+            Self::QuasiStatic => None,
         }
+    }
+
+    /// Evaluations of the forces per step; `None` where it finds out itself how many it needs.
+    pub fn evaluations(self) -> Option<u64> {
+        match self {
+            Self::SymplecticEuler | Self::Verlet => Some(1),
+            Self::Rk4 => Some(4),
+            Self::BogackiShampine | Self::BackwardEuler | Self::QuasiStatic => None,
+        }
+    }
+
+    /// Order and evaluations of the forces per step, in words.
+    pub fn cost_in_words(self) -> String {
+        let order = self.order().map_or("the settled shape".to_owned(), |order| format!("order {order}"));
+        let evaluations = match self {
+            Self::BogackiShampine => " with error control, four force evaluations per step and three per further part",
+            Self::BackwardEuler => ", stable at any step, as many force evaluations as Newton's iteration takes",
+            Self::QuasiStatic => ", as many force evaluations as Newton's iteration takes",
+            Self::SymplecticEuler | Self::Verlet | Self::Rk4 => match self.evaluations() {
+                Some(1) => ", one force evaluation per step",
+                _ => ", four force evaluations per step",
+            },
+        };
+        order + evaluations
     }
 
     /// True when no step is too long for it.

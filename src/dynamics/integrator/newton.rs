@@ -100,6 +100,8 @@ pub struct Effort {
     pub products: u64,
     /// Evaluations of the forces.
     pub evaluations: u64,
+    /// Parts that were taken: one for each step that was not divided. Settled shapes have none.
+    pub parts: u64,
 }
 
 /// The iteration did not end.

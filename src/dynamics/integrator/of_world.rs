@@ -117,14 +117,16 @@ impl World {
         Some(self.per_particle(&precise.velocity))
     }
 
-    /// What an implicit method took so far; zero for all others.
+    /// What a method took so far that finds out itself how much it needs; zero for all others.
     pub fn effort(&self) -> Effort {
-        let precise = self.integration.as_ref().and_then(|own| own.precise.as_ref().map(|precise| (own, precise)));
-        precise.map_or(Effort::default(), |(own, precise)| match own.integrator.method {
-            Method::BackwardEuler => precise.backward.effort(),
-            Method::QuasiStatic => precise.settled.effort(),
+        let Some(own) = &self.integration else { return Effort::default() };
+        match (own.integrator.method, &own.precise) {
+            (Method::BogackiShampine, None) => own.single.pair.effort(),
+            (Method::BogackiShampine, Some(precise)) => precise.explicit.pair.effort(),
+            (Method::BackwardEuler, Some(precise)) => precise.backward.effort(),
+            (Method::QuasiStatic, Some(precise)) => precise.settled.effort(),
             _ => Effort::default(),
-        })
+        }
     }
 
     fn per_particle(&self, field: &Field<f64>) -> Vec<Vector3> {
