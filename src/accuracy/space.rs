@@ -25,7 +25,7 @@ pub(super) fn space_error(runs: &[Trial]) -> Option<SpaceError> {
             particles: run.len(),
             extrapolated: false,
             doubt: None,
-            time_order: None,
+            time_orders: Vec::new(),
             from_finest,
             space_error: None,
         }

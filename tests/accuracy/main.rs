@@ -39,7 +39,7 @@ fn load(case: &Case) -> (Scene, Inputs) {
 }
 
 fn cost(trial: &Trial) -> f64 {
-    let evaluations = if trial.choice.method == Method::Rk4 { 4 } else { 1 };
+    let evaluations = trial.choice.method.evaluations().unwrap_or(1);
     (trial.len() as u64 * trial.steps * evaluations) as f64
 }
 
