@@ -34,6 +34,7 @@
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
 //! | [`study`] | what accuracy costs in time, for any scene |
+//! | [`accuracy`] | pitch, integrator and step for an error that a scene asks for |
 //! | [`verify`] | what the program promises, tried out |
 //! | [`cli`] | the command line |
 //!
@@ -126,9 +127,8 @@ pub mod render;
 pub mod plot;
 pub mod run;
 
-pub mod study;
-
 pub mod accuracy;
+pub mod study;
 pub mod verify;
 
 pub mod cli;

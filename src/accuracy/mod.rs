@@ -10,10 +10,10 @@
 //! of any of them. Where a scene names its pitch (or has model `paper`, whose constants belong to one), that lattice is
 //! what it asks for, and the error is that of stepping alone.
 //!
-//! **How.** A lattice with twice the pitch costs a sixteenth. So the search begins with coarse ones ([`search`]): there the steps of one
-//! integrator against those of another tell what stepping costs ([`steps`]), and what a finer lattice changes tells the power of the
-//! pitch that the error follows ([`space`]). Each run is judged by the coarser ones before it, or by one with
-//! other steps. All choices rest on counted steps, never on a clock, so that the same scene makes the same choices on every machine.
+//! **How.** A lattice with twice the pitch costs a sixteenth. So the search begins with coarse ones ([`search`]): there longer against
+//! shorter steps tell what stepping costs (`steps`), and what a finer lattice changes tells the power of the pitch that the error
+//! follows (`space`). Each run is judged by the coarser ones before it, or by one with other steps. All choices rest on counted
+//! steps, never on a clock, so that the same scene makes the same choices on every machine.
 //!
 //! **When it fails.** Half-spaces and blades that take in other particles at each pitch, damping by `damping_ratio`, which fades with the
 //! pitch, and borders drawn in voxels converge slowly. When no lattice that can be paid for reaches the bound, the run is made at

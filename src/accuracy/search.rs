@@ -1,7 +1,7 @@
 //! Which pitch, integrator and step keep a bound: probes, choices, and the judgement of runs.
 
 use super::space::{SpaceError, space_error};
-use super::steps::{Law, better, error_mm, least_price};
+use super::steps::{Law, better, error_mm, least_price, order};
 use super::trial::{Choice, Trial};
 use crate::dynamics::StepError;
 use crate::dynamics::integrator::Method;
@@ -152,11 +152,6 @@ impl<'a> Search<'a> {
         self.fixed_mm
     }
 
-    /// All runs in memory so far.
-    pub fn trials(&self) -> impl Iterator<Item = &Trial> {
-        self.probes.iter().chain(&self.levels)
-    }
-
     /// What to run first, after probes on coarse lattices.
     ///
     /// # Errors
@@ -166,6 +161,8 @@ impl<'a> Search<'a> {
             let plain = Choice { pitch_mm, method: Method::SymplecticEuler, fineness: 1.0 };
             // The constants of model "paper" mean something else at another pitch.
             if self.scene.lattice.model == Model::Paper || !self.probe(2.0 * pitch_mm, tell).unwrap_or(false) {
+                self.probes.clear();
+                self.laws.clear();
                 return Ok(plain);
             }
             let bound_mm = self.asked * self.probes[0].largest_mm;
@@ -182,14 +179,17 @@ impl<'a> Search<'a> {
             }
         }
         let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
+        let next_mm = self.at_most(self.probed_mm / 1.3);
+        if next_mm > 0.99 * self.probed_mm {
+            return self.choose(self.own_mm, bound_mm, tell);
+        }
         let here = self.choose(self.probed_mm, bound_mm, tell)?;
         let coarsest = match self.probes.iter().find(|probe| probe.choice == here) {
             Some(probe) => probe.clone(),
             None => self.run(here, tell)?,
         };
         self.levels.push(coarsest);
-        let pitch_mm = self.at_most(self.probed_mm / 1.4);
-        self.choose(pitch_mm, bound_mm, tell)
+        self.choose(next_mm, bound_mm, tell)
     }
 
     /// What to run in place of a choice that diverged: a finer lattice. `None` where there is none, or the scene names its pitch.
@@ -250,8 +250,12 @@ impl<'a> Search<'a> {
             }
         }
         let Some(found) = found else {
-            let why = "cuts leave no cell whole that could be compared; name a lattice.pitch, and accuracy will look after the steps";
-            return Ok(Verdict::Missed(estimate, why.to_owned()));
+            let what = match self.levels.len() {
+                1 => "the organs have too few voxels for coarser lattices",
+                _ => "cuts leave no cell whole that could be compared",
+            };
+            let why = format!("{what}; name a lattice.pitch, and the bound will be that of the steps");
+            return Ok(Verdict::Missed(estimate, why));
         };
         if estimate.error() <= self.asked {
             return Ok(Verdict::Kept(estimate));
@@ -261,16 +265,17 @@ impl<'a> Search<'a> {
             return Ok(Verdict::Missed(estimate, why));
         }
         let bound_mm = self.asked * largest_mm;
-        let finest_mm = 0.5 * self.own_mm.max(2.0 * pitch_mm * (particles / MOST_PARTICLES).cbrt());
+        let affordable_mm = pitch_mm * (particles / MOST_PARTICLES).cbrt();
+        let finest_mm = affordable_mm.max(PITCHES[PITCHES.len() - 1] * self.own_mm);
         let wish_mm = found.pitch(pitch_mm, ROOM * (bound_mm - steps_mm).max(0.1 * bound_mm));
         let next_mm = self.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.34 }));
         let mut next_mm = if next_mm < pitch_mm { next_mm } else { self.at_most(0.99 * pitch_mm) };
         let finer = next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
         if (known && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
-            let SpaceError { order, .. } = found;
+            let SpaceError { order: power, .. } = found;
             let many = particles * (pitch_mm / wish_mm).powi(3);
             let why = format!(
-                "the error falls with the power {order:.1} of the pitch: some {wish_mm:.2} mm, with {many:.0e} particles, would be \
+                "the error falls with the power {power:.1} of the pitch: some {wish_mm:.2} mm, with {many:.0e} particles, would be \
                  needed; name that lattice.pitch if you can wait for it, or ask for less"
             );
             // The lattice that the scene would have without being asked for accuracy is the best offer.
@@ -347,11 +352,15 @@ impl<'a> Search<'a> {
     /// Finds the error of an integrator on the lattice that is tried.
     fn learn(&mut self, method: Method, tell: &mut dyn FnMut(&Told<'_>)) -> Result<(), AccuracyError> {
         let own = Choice { pitch_mm: self.probed_mm, method, fineness: 1.0 };
-        let other = Choice { fineness: 2.0, ..own };
-        let [own, other] = [self.probed(own, tell)?, self.probed(other, tell)?];
-        let run = &self.probes[own];
-        if let Some(error_mm) = error_mm(run, &self.probes[other]) {
-            self.laws.push(Law { method, dt: run.dt, error_mm });
+        let number = self.probed(own, tell)?;
+        // Where the step control divides steps, twice as many may come out the same.
+        for fineness in [2.0, 4.0, 8.0] {
+            let other = self.probed(Choice { fineness, ..own }, tell)?;
+            let run = &self.probes[number];
+            if let Some(error_mm) = error_mm(run, &self.probes[other]) {
+                self.laws.push(Law { method, dt: run.dt, error_mm });
+                break;
+            }
         }
         Ok(())
     }
@@ -396,11 +405,7 @@ impl<'a> Search<'a> {
                 return Ok(Choice { pitch_mm, method: Method::SymplecticEuler, fineness: 1.0 });
             };
             let choice = Choice { pitch_mm, method: best.method, fineness: best.fineness(stable(best), bound_mm) };
-            let last = self
-                .laws
-                .iter()
-                .map(|law| law.method)
-                .max_by(|a, b| super::steps::order(*a).total_cmp(&super::steps::order(*b)));
+            let last = self.laws.iter().map(|law| law.method).max_by(|a, b| order(*a).total_cmp(&order(*b)));
             let next = last.and_then(better).filter(|_| self.any_method && !self.probes.is_empty());
             match next {
                 Some(next) if least_price(next, stable(best)) < price(best) => {

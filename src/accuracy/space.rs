@@ -31,7 +31,9 @@ pub(super) fn space_error(runs: &[Trial]) -> Option<SpaceError> {
         }
     };
     let mut levels: Vec<Level> = runs.iter().map(level).collect();
-    if levels.iter().all(|level| level.from_finest.is_none_or(|found| found.rms_mm == 0.0)) && levels.len() > 1 {
+    // Where nothing moves there is no error, and no power of it.
+    let mut seen = levels.iter().filter_map(|level| level.from_finest).peekable();
+    if seen.peek().is_some() && seen.all(|found| found.rms_mm == 0.0) {
         return Some(SpaceError { error_mm: 0.0, order: 1.0 });
     }
     let law = space_errors(&mut levels)?;

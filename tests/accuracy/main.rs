@@ -14,6 +14,7 @@ use yawara::dynamics::integrator::Method;
 use yawara::run::inputs::{self, Inputs};
 use yawara::run::label_lookup::Files;
 use yawara::scene::resolved::{Model, Scene, needs_plain_step};
+use yawara::volume::Volume;
 
 const METHODS: [Method; 3] = [Method::SymplecticEuler, Method::Verlet, Method::Rk4];
 /// A reference on the same lattice has steps so much shorter, with the best integrator that the scene allows.
@@ -145,6 +146,20 @@ fn steps_keep_their_promise() {
 #[test]
 fn pitches_keep_their_promise() {
     keeps_its_promise(FREE);
+}
+
+/// Two voxels to the edge have no coarser lattice, so that nothing tells the error of theirs.
+#[test]
+fn too_few_voxels_are_no_ground_to_judge_by() {
+    let (scene, mut inputs) = load(FREE.iter().find(|case| case.name == "heavy, free").unwrap());
+    let labels = inputs.labels.take().unwrap();
+    let shape = labels.grid().shape;
+    let low = |place: usize| shape.ijk(place).iter().all(|&index| index < 4);
+    let few = labels.as_slice().iter().enumerate().map(|(place, &label)| if low(place) { label } else { 0 }).collect();
+    inputs.labels = Some(Volume::from_vec(*labels.grid(), few));
+    let found = find(&scene, &inputs);
+    assert!(!found.kept && found.estimate.pitch.is_none(), "{:?}", found.estimate);
+    assert_eq!((found.trial.choice.pitch_mm, found.trial.len()), (10.0, 27));
 }
 
 /// Run by name: `cargo test --test accuracy price -- --ignored --nocapture`. Longer scenes, and for all of them the cheapest
