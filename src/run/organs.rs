@@ -30,6 +30,14 @@ fn pitch_of(spacing: &[f64; 3]) -> f64 {
     spacing.iter().product::<f64>().cbrt()
 }
 
+/// Whether a box of so many voxels is a whole number of cells long along every axis.
+fn whole_cells(voxels: [usize; 3], spacing: [f64; 3], pitch: f64) -> bool {
+    (0..3).all(|axis| {
+        let cells = voxels[axis] as f64 * spacing[axis] / pitch;
+        (cells - cells.round()).abs() < SAME_SPACING
+    })
+}
+
 /// Chooses the voxels of every organ and brings them to the scene's pitch.
 pub(super) fn organs(scene: &Scene, inputs: &Inputs) -> Result<Organs, PrepareError> {
     let native = native_organs(scene, inputs)?;
@@ -37,9 +45,9 @@ pub(super) fn organs(scene: &Scene, inputs: &Inputs) -> Result<Organs, PrepareEr
     let pitch = scene.lattice.pitch.map_or(pitch_of(&spacing), |pitch| pitch * 1e3);
     let same = spacing.iter().all(|s| (s / pitch - 1.0).abs() < SAME_SPACING);
     let cropped = match native.bounding_box(|&organ| organ != 0) {
-        Some(part) if same => native.crop(&part.grown([1; 3], native.shape())),
-        // Cells of another pitch begin where the organs do, so that a body of whole cells is made of whole cells.
-        Some(part) => native.crop(&part),
+        // Cells of another pitch begin where the organs do if these are whole numbers of them long.
+        Some(part) if !same && whole_cells(part.shape().dims(), spacing, pitch) => native.crop(&part),
+        Some(part) => native.crop(&part.grown([1; 3], native.shape())),
         None => return Err(BuildLatticeError::Empty.into()),
     };
     let grid = || grid_with_spacing(cropped.grid(), [pitch; 3]);
