@@ -35,9 +35,7 @@
 //! the explicit methods are cheaper, see the module above.
 //!
 //! Why not XPBD (one sweep of corrections over all springs and cells per step): stable at any step as well, but what its sweep leaves
-//! undone makes tissue too soft until steps are nearly as short as the soft tissue's own, and in damped tissue longer ones do not
-//! even err less when halved. In the comparison above, with kernels as stiff as the rest and 1e4 times, it came to a few tenths
-//! of a percent later than the plain step.
+//! undone makes tissue too soft until steps are nearly as short as the soft tissue's own, and a sweep costs many plain steps.
 //!
 //! Source: D. Baraff and A. Witkin, "Large steps in cloth simulation", 1998; the potential: R. Radovitzky and M. Ortiz, "Error estimation
 //! and adaptive meshing in strongly nonlinear dynamic problems", 1999.
