@@ -216,6 +216,14 @@ impl Timeline {
         Ok(Self { entries, severed })
     }
 
+    /// When operations begin and end after the start, latest first [s].
+    pub fn turns(&self) -> Vec<f64> {
+        let all = self.entries.iter().flat_map(|entry| [entry.operation.from, entry.operation.until]);
+        let mut turns: Vec<f64> = all.filter(|turn| *turn > 0.0 && turn.is_finite()).collect();
+        turns.sort_by(|a, b| b.total_cmp(a));
+        turns
+    }
+
     /// Applies everything that is due before the world's next step. To be called before every step.
     pub fn advance(&mut self, world: &mut World) -> Vec<Event> {
         let mut events = Vec::new();

@@ -62,7 +62,9 @@ pub enum DriveError<E> {
 /// Runs a schedule: operations, steps, frames. Frame 0 shows the world as it is handed in.
 ///
 /// The step of the schedule is divided where the tissue is deformed too far for it, see [`step_control`]; operations
-/// follow the shorter steps, frames come when they are due.
+/// follow the shorter steps, frames come when they are due. Steps that the scene leaves to the program end where operations
+/// begin and end, for a force that came late would be an error of first order whatever the integrator; where the scene
+/// names its step, operations wait for the next.
 ///
 /// # Errors
 /// If the state diverges, or the observer fails. The world is left where the run ended.
@@ -74,7 +76,7 @@ pub fn drive<O: Observer>(
     schedule: &Schedule,
     observer: &mut O,
 ) -> Result<StepCounts, DriveError<O::Error>> {
-    let mut stepper = Stepper::new(world, schedule);
+    let mut stepper = Stepper::new(world, schedule, timeline);
     let show = |number: u64, world: &World, observer: &mut O| {
         let volume = cell_volume(world.lattice(), world.topology(), |particle| world.displacement(particle));
         let frame = Frame { number, world, balance: balance(world), volume };
@@ -104,15 +106,26 @@ pub fn drive<O: Observer>(
 pub(super) struct Stepper {
     control: StepControl,
     schedule: Schedule,
-    /// Steps of the schedule that are begun.
+    /// Steps of the schedule that are begun, in whole frames unless the scene named the step.
     planned: u64,
     interval: Interval,
+    /// Where that ends [s].
+    until: f64,
+    /// When operations begin and end that have not yet, latest first [s].
+    turns: Vec<f64>,
 }
 
 impl Stepper {
-    pub(super) fn new(world: &World, schedule: &Schedule) -> Self {
-        let control = StepControl::new(world, schedule.limits);
-        Self { control, schedule: *schedule, planned: 0, interval: Interval::new(0.0, schedule.dt, 0) }
+    pub(super) fn new(world: &World, schedule: &Schedule, timeline: &Timeline) -> Self {
+        let turns = if schedule.asked { Vec::new() } else { timeline.turns() };
+        Self {
+            control: StepControl::new(world, schedule.limits),
+            schedule: *schedule,
+            planned: 0,
+            interval: Interval::new(0.0, schedule.dt, 0),
+            until: 0.0,
+            turns,
+        }
     }
 
     /// Gives the world its next step; false when it stands where step `due` of the schedule ends.
@@ -124,10 +137,39 @@ impl Stepper {
             if self.planned >= due {
                 return Ok(false);
             }
-            // Frames come between chosen steps as wholes; steps that were asked for are kept one by one.
-            let steps = if self.schedule.asked { 1 } else { due - self.planned };
-            self.planned += steps;
-            self.interval = Interval::new(self.planned as f64 * self.schedule.dt, self.schedule.dt, steps);
+            self.interval = self.next_interval(due);
+        }
+    }
+
+    /// The next stretch of equal steps: to where step `due` of the schedule ends, or to a turn before that. Steps that
+    /// the scene named are kept one by one.
+    fn next_interval(&mut self, due: u64) -> Interval {
+        let dt = self.schedule.dt;
+        let from = self.until;
+        // As near as this, a turn is where a step ends anyway.
+        let close = 1e-6 * dt;
+        while self.turns.last().is_some_and(|turn| *turn <= from + close) {
+            self.turns.pop();
+        }
+        let end = due as f64 * dt;
+        match self.turns.last() {
+            Some(&turn) if turn < end - close => self.until = turn,
+            _ if self.schedule.asked => {
+                self.planned += 1;
+                self.until = self.planned as f64 * dt;
+            }
+            _ => {
+                self.planned = due;
+                self.until = end;
+            }
+        }
+        let steps = (self.until - from) / dt;
+        let whole = steps.round();
+        // What is no whole number of steps is stepped in shorter ones.
+        if (steps - whole).abs() < 1e-6 {
+            Interval::new(self.until, dt, whole as u64)
+        } else {
+            Interval::new(self.until, (self.until - from) / steps.ceil(), steps.ceil() as u64)
         }
     }
 

@@ -35,7 +35,7 @@ impl Pace {
         schedule: &Schedule,
         budget: Duration,
     ) -> Result<Self, StepError> {
-        let mut stepper = Stepper::new(world, schedule);
+        let mut stepper = Stepper::new(world, schedule, timeline);
         let mut frame = 1;
         let mut step = |world: &mut World| {
             while !stepper.ready(world, schedule.step_of_frame(frame))? {
