@@ -33,6 +33,7 @@
 //! | [`render`] | pictures of surfaces and of the lattice, drawn without a graphics card |
 //! | [`plot`] | line plots |
 //! | [`run`] | the whole way, from a scene to frames and from frames to meshes |
+//! | [`deviation`] | how far one run is from another, and the law of the pitch |
 //! | [`study`] | what accuracy costs in time, for any scene |
 //! | [`accuracy`] | pitch, integrator and step for an error that a scene asks for |
 //! | [`verify`] | what the program promises, tried out |
@@ -128,6 +129,7 @@ pub mod plot;
 pub mod run;
 
 pub mod accuracy;
+pub mod deviation;
 pub mod study;
 pub mod verify;
 

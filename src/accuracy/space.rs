@@ -1,9 +1,8 @@
 //! What the pitch costs: the error of the finest of some lattices, from how far the coarser ones are from it.
 
 use super::trial::Trial;
-use crate::study::deviation::Deviation;
-use crate::study::findings::Level;
-use crate::study::space::space_errors;
+use crate::deviation::Deviation;
+use crate::deviation::pitch_law::PitchLaw;
 
 /// The error of a pitch, and how it goes on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,30 +16,24 @@ pub(super) struct SpaceError {
 /// From runs of one scene on lattices of descending pitch. `None` with one, or where nothing can be compared.
 pub(super) fn space_error(runs: &[Trial]) -> Option<SpaceError> {
     let finest = runs.last()?;
-    let level = |run: &Trial| {
-        let from_finest: Option<Deviation> =
-            (run.choice.pitch_mm != finest.choice.pitch_mm).then(|| run.distance(finest)).flatten();
-        Level {
-            pitch_mm: run.choice.pitch_mm,
-            particles: run.len(),
-            extrapolated: false,
-            doubt: None,
-            time_orders: Vec::new(),
-            from_finest,
-            space_error: None,
-        }
-    };
-    let mut levels: Vec<Level> = runs.iter().map(level).collect();
+    let finest_mm = finest.choice.pitch_mm;
+    let coarser = runs.iter().filter(|run| run.choice.pitch_mm != finest_mm);
+    let seen: Vec<(f64, Deviation)> =
+        coarser.filter_map(|run| Some((run.choice.pitch_mm, run.distance(finest)?))).collect();
     // Where nothing moves there is no error, and no power of it.
-    let mut seen = levels.iter().filter_map(|level| level.from_finest).peekable();
-    if seen.peek().is_some() && seen.all(|found| found.rms_mm == 0.0) {
+    if !seen.is_empty() && seen.iter().all(|(_, found)| found.rms_mm == 0.0) {
         return Some(SpaceError { error_mm: 0.0, order: 1.0 });
     }
-    let law = space_errors(&mut levels)?;
-    Some(SpaceError { error_mm: levels.last()?.space_error?.rms_mm, order: law.order })
+    let law = PitchLaw::fit(&seen, finest_mm)?;
+    Some(SpaceError { error_mm: law.error(finest_mm).rms_mm, order: law.order })
 }
 
 impl SpaceError {
+    /// The error of another pitch [mm].
+    pub(super) fn at(&self, pitch_mm: f64, other_mm: f64) -> f64 {
+        self.error_mm * (other_mm / pitch_mm).powf(self.order)
+    }
+
     /// The pitch with at most an error, from one with this.
     pub(super) fn pitch(&self, pitch_mm: f64, bound_mm: f64) -> f64 {
         pitch_mm * (bound_mm / self.error_mm).powf(self.order.recip())

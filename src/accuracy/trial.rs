@@ -1,5 +1,6 @@
 //! One run of a scene with choices made, kept in memory to be compared.
 
+use crate::deviation::{Deviation, between_lattices, judged, on_one_lattice};
 use crate::dynamics::World;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::Timeline;
@@ -7,9 +8,9 @@ use crate::geometry::Vector3;
 use crate::lattice::{Lattice, Topology};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
 use crate::run::inputs::Inputs;
-use crate::run::prepare::{Prepared, Schedule, prepare};
+use crate::run::organs::own_pitch_mm;
+use crate::run::prepare::{Prepared, prepare};
 use crate::scene::resolved::Scene;
-use crate::study::deviation::{Deviation, between_lattices, judged, on_one_lattice};
 
 use super::search::AccuracyError;
 
@@ -36,14 +37,14 @@ impl Choice {
         let mut scene = scene.clone();
         // As it was written, where it was: a pitch of the volume's own takes its voxels as they are.
         if scene.lattice.pitch.is_some_and(|pitch| (pitch * 1e3 / self.pitch_mm - 1.0).abs() > 1e-9)
-            || (scene.lattice.pitch.is_none() && self.pitch_mm != super::search::own_pitch_mm(inputs))
+            || (scene.lattice.pitch.is_none() && own_pitch_mm(inputs) != Some(self.pitch_mm))
         {
             scene.lattice.pitch = Some(self.pitch_mm * 1e-3);
         }
         scene.time.integrator = self.method;
         scene.time.dt = None;
         let mut prepared = prepare(&scene, inputs)?;
-        prepared.schedule = shorter(&prepared.schedule, self.fineness);
+        prepared.schedule = prepared.schedule.finer(self.fineness);
         Ok((scene, prepared))
     }
 }
@@ -54,14 +55,6 @@ impl std::fmt::Display for Choice {
         write!(f, "pitch {:.3} mm, {}", pitch_mm, method.name())?;
         if *fineness == 1.0 { Ok(()) } else { write!(f, ", steps {fineness:.2} times shorter") }
     }
-}
-
-/// A schedule with shorter steps and the same frames.
-fn shorter(schedule: &Schedule, fineness: f64) -> Schedule {
-    let per_frame = (schedule.steps as f64 / schedule.frames as f64 * fineness - 1e-9).ceil().max(1.0);
-    let steps = per_frame as u64 * schedule.frames;
-    let duration = schedule.dt * schedule.steps as f64;
-    Schedule { dt: duration / steps as f64, steps, ..*schedule }
 }
 
 /// Gathers the frames of a run that are compared.

@@ -1,4 +1,6 @@
-//! How far particles of one run are from where another run has them.
+//! How far particles of one run are from where another run has them, and what that says of pitches never tried.
+
+pub mod pitch_law;
 
 use rayon::prelude::*;
 
@@ -22,6 +24,15 @@ pub struct Deviation {
     pub points: usize,
     /// Particles of the tissue for which the finer lattice has no whole cell, beside a cut or at the border.
     pub left_out: usize,
+}
+
+/// Two sizes of an error.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Sizes {
+    /// Of the particle that is off most \[mm\].
+    pub max_mm: f64,
+    /// Root of the mean square over the particles \[mm\].
+    pub rms_mm: f64,
 }
 
 impl Deviation {

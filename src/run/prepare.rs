@@ -213,6 +213,13 @@ impl Schedule {
         Ok(Self { asked: false, steps: time.frames as u64 * steps as u64, ..schedule })
     }
 
+    /// The same frames with steps so many times shorter, rounded up to whole steps between two frames.
+    pub fn finer(&self, fineness: f64) -> Self {
+        let per_frame = (self.steps as f64 / self.frames as f64 * fineness - 1e-9).ceil().max(1.0);
+        let steps = per_frame as u64 * self.frames;
+        Self { dt: self.dt * self.steps as f64 / steps as f64, steps, ..*self }
+    }
+
     /// What the stable step is the limit of, in words.
     pub fn limit_in_words(&self) -> &'static str {
         match self.limits {

@@ -125,15 +125,8 @@ impl Choice {
     pub fn schedule(&self, longest: &Schedule) -> Schedule {
         // A tolerance divides steps while they are taken.
         let fineness = if self.tolerance().is_some() { 1.0 } else { self.fineness };
-        in_steps(longest, longest.steps as f64 / longest.frames as f64 * fineness)
+        longest.finer(fineness)
     }
-}
-
-/// A schedule with at least so many steps between two instants.
-fn in_steps(schedule: &Schedule, per_instant: f64) -> Schedule {
-    let steps = (per_instant - 1e-9).ceil().max(1.0) as u64 * schedule.frames;
-    let duration = schedule.dt * schedule.steps as f64;
-    Schedule { dt: duration / steps as f64, steps, ..*schedule }
 }
 
 /// The longest steps of a method on a lattice that was prepared for the plain step.
@@ -148,7 +141,7 @@ pub fn longest(method: Method, prepared: &Prepared, scene: &Scene) -> Result<Sch
     let topology = Topology::new(lattice);
     let (at_rest, sharpen) = method.limits(lattice, &topology, assembly, scene.drag.unwrap_or(0.0));
     if method.is_stable_at_any_step() {
-        let longest = in_steps(plain, plain.steps as f64 / plain.frames as f64 / LONG_STEP);
+        let longest = plain.finer(LONG_STEP.recip());
         return Ok(Schedule { stable_dt: at_rest.sharp, limits: at_rest, ..longest });
     }
     Schedule::new(&scene.time, at_rest, sharpen)

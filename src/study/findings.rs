@@ -1,19 +1,11 @@
 //! What a study found: plain data, for tables, plots and the report.
 
 use super::choice::{Arithmetic, Choice};
-use super::deviation::Deviation;
 use super::order::PowerLaw;
 use super::surface_distance::SurfaceDistance;
+use crate::deviation::pitch_law::PitchLaw;
+use crate::deviation::{Deviation, Sizes};
 use crate::dynamics::integrator::Method;
-
-/// Two sizes of an error \[mm\].
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Sizes {
-    /// Of the particle that is off most.
-    pub max_mm: f64,
-    /// Root of the mean square over the particles.
-    pub rms_mm: f64,
-}
 
 /// What one choice costs and brings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -100,17 +92,6 @@ pub struct TimeOrder {
     pub law: PowerLaw,
 }
 
-/// How errors go with the pitch: `c h^q`.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct SpaceLaw {
-    /// The power `q`.
-    pub order: f64,
-    /// Whether it was found in the runs, or taken as 1 because there are too few pitches or no power fits.
-    pub found: bool,
-    /// Pitches that were compared with the finest.
-    pub pitches: usize,
-}
-
 /// All that was found.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Findings {
@@ -127,7 +108,7 @@ pub struct Findings {
     /// Pitches, coarsest first.
     pub levels: Vec<Level>,
     /// How errors go with the pitch; `None` with one pitch.
-    pub space_law: Option<SpaceLaw>,
+    pub space_law: Option<PitchLaw>,
     /// Choices that did not come to their end, and why.
     pub failed: Vec<(Choice, String)>,
     /// Whether runs of one pitch severed different springs.

@@ -12,16 +12,16 @@
 use std::collections::BTreeMap;
 
 use super::choice::{Arithmetic, Choice, METHODS};
-use super::deviation::{Deviation, between_lattices};
-use super::findings::{Findings, Level, Row, Sizes, TimeOrder};
+use super::findings::{Findings, Level, Row, TimeOrder};
 use super::ledger::RunLine;
 use super::order::fit;
 use super::plan::{Plan, Task};
 use super::reference::{Reference, Track};
-use super::space::space_errors;
 use super::surface_distance::Measured;
 use super::surfaces::surface_of;
 use super::sweep::Study;
+use crate::deviation::pitch_law::PitchLaw;
+use crate::deviation::{Deviation, Sizes, between_lattices};
 use crate::run::meshes::Resolution;
 use crate::store::ReadRunError;
 
@@ -51,7 +51,12 @@ pub fn judge(study: &Study<'_>, plan: &Plan) -> Result<Option<Findings>, ReadRun
     let Some(base) = references.get(&Pitch(plan.base_mm)).or(references.values().next()) else { return Ok(None) };
     let largest_mm = base.largest_mm;
     let mut levels = levels(&references)?;
-    let space_law = space_errors(&mut levels);
+    let seen: Vec<(f64, Deviation)> =
+        levels.iter().filter_map(|level| Some((level.pitch_mm, level.from_finest?))).collect();
+    let space_law = levels.last().and_then(|finest| PitchLaw::fit(&seen, finest.pitch_mm));
+    for level in &mut levels {
+        level.space_error = space_law.map(|law| law.error(level.pitch_mm));
+    }
     let rows = judge.rows(&references, &levels)?;
     for level in &mut levels {
         let shown =

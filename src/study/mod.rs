@@ -13,7 +13,6 @@
 //! Nothing here prints; nothing is decided that a scene would notice.
 
 pub mod choice;
-pub mod deviation;
 pub mod findings;
 pub mod html;
 pub mod judge;
@@ -26,7 +25,6 @@ pub mod probe;
 pub mod reference;
 pub mod report;
 pub mod rounding;
-pub mod space;
 pub mod surface_distance;
 pub mod surfaces;
 pub mod sweep;

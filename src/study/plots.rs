@@ -146,7 +146,7 @@ fn orders(findings: &Findings) -> Plot {
 }
 
 fn pitches(findings: &Findings) -> Plot {
-    let seen = |part: fn(&super::deviation::Deviation) -> f64| {
+    let seen = |part: fn(&crate::deviation::Deviation) -> f64| {
         let levels = findings.levels.iter();
         levels.filter_map(|level| Some([level.pitch_mm, part(&level.from_finest?)])).filter(|p| p[1] > 0.0).collect()
     };

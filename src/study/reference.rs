@@ -13,7 +13,7 @@
 
 use std::path::Path;
 
-use super::deviation::{Deviation, judged, on_one_lattice};
+use crate::deviation::{Deviation, judged, on_one_lattice};
 use crate::geometry::Vector3;
 use crate::lattice::{Lattice, Topology};
 use crate::scene::resolved::Scene;
