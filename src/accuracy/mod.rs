@@ -19,6 +19,7 @@
 //! pitch, and borders drawn in voxels converge slowly. When no lattice that can be paid for reaches the bound, the run is made at
 //! the volume's own spacing, and the estimate and the pitch it would take are told.
 
+mod pitches;
 pub mod search;
 mod space;
 mod steps;

@@ -1,5 +1,6 @@
 //! Which pitch, integrator and step keep a bound: probes, choices, and the judgement of runs.
 
+use super::pitches::Pitches;
 use super::space::{SpaceError, space_error};
 use super::steps::{Law, better, error_mm, least_price, order};
 use super::trial::{Choice, Trial};
@@ -7,22 +8,21 @@ use crate::dynamics::StepError;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::TimelineError;
 use crate::run::inputs::Inputs;
-use crate::run::organs::own_pitch_mm as own_pitch;
 use crate::run::prepare::PrepareError;
 use crate::scene::resolved::{Model, Scene, needs_plain_step};
 
-/// Pitches that are tried, in spacings of the volume: what is made of whole cells at one of them is so at most of them.
-const PITCHES: [f64; 11] = [16.0, 12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5];
 /// A lattice says something about finer ones when it has so many particles.
-const LEAST_PARTICLES: usize = 120;
+const LEAST_PARTICLES: usize = 60;
 /// No lattice with more is chosen unless the scene names its pitch.
 const MOST_PARTICLES: f64 = 3e6;
 /// Share of the bound that is left to steps where the pitch is chosen too.
 const STEPS_SHARE: f64 = 0.2;
 /// The next pitch is chosen for this share of the bound, so that it need not be done again.
-const ROOM: f64 = 0.75;
+const ROOM: f64 = 0.85;
 /// Lattices that are needed to know the power of the pitch.
 const KNOWN: usize = 3;
+/// Particles of a lattice that says of a much finer one what its error will be.
+const TRUSTED: f64 = 1000.0;
 /// With fewer, an error counts as known below this share of the bound.
 const UNKNOWN: f64 = 0.5;
 /// Runs that are judged at most.
@@ -83,12 +83,14 @@ impl Estimate {
 /// What becomes of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Its error is within the bound.
-    Kept(Estimate),
-    /// It is not, and another choice may be.
-    Again(Estimate, Choice),
+    /// Its error is within the bound; so would be that of a coarser one, which was found too late.
+    Kept(Estimate, Option<Choice>),
+    /// It is not, or it diverged and has none, and another choice may be.
+    Again(Option<Estimate>, Choice),
     /// It is not, and no choice would be; why, and what to do.
     Missed(Estimate, String),
+    /// It diverged, and so would any other.
+    Diverged(StepError),
 }
 
 /// The search for a scene.
@@ -97,8 +99,8 @@ pub struct Search<'a> {
     inputs: &'a Inputs,
     /// The bound, relative to the largest displacement.
     asked: f64,
-    /// Spacing of the volume [mm].
-    own_mm: f64,
+    /// To choose from.
+    pitches: Pitches,
     /// The pitch that the scene names [mm].
     fixed_mm: Option<f64>,
     /// Integrators other than the plain step will do.
@@ -114,24 +116,22 @@ pub struct Search<'a> {
     last: Option<String>,
 }
 
-/// Spacing of a scene's volume, the pitch it has by itself [mm].
-pub(super) fn own_pitch_mm(inputs: &Inputs) -> f64 {
-    own_pitch(inputs).unwrap_or(1.0)
-}
-
 impl<'a> Search<'a> {
     /// The search for a scene; `None` when it asks for no accuracy.
-    pub fn new(scene: &'a Scene, inputs: &'a Inputs) -> Option<Self> {
-        let asked = scene.accuracy?;
-        let own_mm = own_pitch_mm(inputs);
+    ///
+    /// # Errors
+    /// If an organ is empty.
+    pub fn new(scene: &'a Scene, inputs: &'a Inputs) -> Result<Option<Self>, AccuracyError> {
+        let Some(asked) = scene.accuracy else { return Ok(None) };
+        let pitches = Pitches::of(scene, inputs)?;
         let named = scene.lattice.pitch.map(|pitch| pitch * 1e3);
-        let fixed_mm = named.or((scene.lattice.model == Model::Paper).then_some(own_mm));
+        let fixed_mm = named.or((scene.lattice.model == Model::Paper).then_some(pitches.own_mm));
         let any_method = needs_plain_step(&scene.organs, &scene.operations).is_none();
-        Some(Self {
+        Ok(Some(Self {
             scene,
             inputs,
             asked,
-            own_mm,
+            pitches,
             fixed_mm,
             any_method,
             probed_mm: 0.0,
@@ -139,7 +139,7 @@ impl<'a> Search<'a> {
             probes: Vec::new(),
             levels: Vec::new(),
             last: None,
-        })
+        }))
     }
 
     /// The bound, relative to the largest displacement.
@@ -168,8 +168,8 @@ impl<'a> Search<'a> {
             let bound_mm = self.asked * self.probes[0].largest_mm;
             return self.choose(pitch_mm, bound_mm, tell);
         }
-        let own_mm = self.own_mm;
-        let mut pitches = PITCHES.iter().map(|share| share * own_mm).peekable();
+        let all = self.pitches.all().to_vec();
+        let mut pitches = all.into_iter().peekable();
         while let Some(pitch_mm) = pitches.next() {
             match self.probe(pitch_mm, tell) {
                 Ok(true) => break,
@@ -179,9 +179,9 @@ impl<'a> Search<'a> {
             }
         }
         let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
-        let next_mm = self.at_most(self.probed_mm / 1.3);
+        let next_mm = self.pitches.at_most(self.probed_mm / 1.3);
         if next_mm > 0.99 * self.probed_mm {
-            return self.choose(self.own_mm, bound_mm, tell);
+            return self.choose(self.pitches.own_mm, bound_mm, tell);
         }
         let here = self.choose(self.probed_mm, bound_mm, tell)?;
         let coarsest = match self.probes.iter().find(|probe| probe.choice == here) {
@@ -192,31 +192,30 @@ impl<'a> Search<'a> {
         self.choose(next_mm, bound_mm, tell)
     }
 
-    /// What to run in place of a choice that diverged: a finer lattice. `None` where there is none, or the scene names its pitch.
-    ///
-    /// # Errors
-    /// If the scene cannot be run there.
-    pub fn in_place_of(
-        &mut self,
-        choice: &Choice,
-        tell: &mut dyn FnMut(&Told<'_>),
-    ) -> Result<Option<Choice>, AccuracyError> {
-        let finer_mm = self.at_most(0.99 * choice.pitch_mm);
-        if self.fixed_mm.is_some() || finer_mm >= 0.999 * choice.pitch_mm {
-            return Ok(None);
-        }
-        let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
-        self.choose(finer_mm, bound_mm, tell).map(Some)
-    }
-
-    /// Judges a run of the last choice.
+    /// Judges a run of the last choice, or what ended it.
     ///
     /// # Errors
     /// If a run that it takes to judge this one cannot be made.
-    pub fn judge(&mut self, trial: Trial, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Verdict, AccuracyError> {
-        match self.fixed_mm {
-            Some(_) => self.judge_steps(trial, tell),
-            None => self.judge_pitch(trial, tell),
+    pub fn judge(
+        &mut self,
+        choice: &Choice,
+        run: Result<Trial, StepError>,
+        tell: &mut dyn FnMut(&Told<'_>),
+    ) -> Result<Verdict, AccuracyError> {
+        match (run, self.fixed_mm) {
+            (Ok(trial), Some(_)) => self.judge_steps(trial, tell),
+            (Ok(trial), None) => self.judge_pitch(trial, tell),
+            (Err(error), Some(_)) => Ok(Verdict::Diverged(error)),
+            (Err(error), None) => {
+                // A finer lattice may hold together.
+                let finer_mm = self.pitches.at_most(0.99 * choice.pitch_mm);
+                if finer_mm >= 0.999 * choice.pitch_mm {
+                    return Ok(Verdict::Diverged(error));
+                }
+                tell(&Told::Unusable(choice, &error.into()));
+                let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
+                Ok(Verdict::Again(None, self.choose(finer_mm, bound_mm, tell)?))
+            }
         }
     }
 
@@ -240,7 +239,7 @@ impl<'a> Search<'a> {
         let unsure = UNKNOWN * self.asked..=self.asked;
         if self.levels.len() < KNOWN
             && unsure.contains(&estimate.error())
-            && let Some(between_mm) = self.between(pitch_mm)
+            && let Some(between_mm) = self.pitches.between(self.levels[0].choice.pitch_mm, pitch_mm)
         {
             let choice = self.choose(between_mm, STEPS_SHARE * self.asked * largest_mm, tell)?;
             if let Ok(between) = self.run(choice, tell) {
@@ -258,7 +257,8 @@ impl<'a> Search<'a> {
             return Ok(Verdict::Missed(estimate, why));
         };
         if estimate.error() <= self.asked {
-            return Ok(Verdict::Kept(estimate));
+            let enough = self.enough(&found, largest_mm);
+            return Ok(Verdict::Kept(estimate, enough));
         }
         let known = self.levels.len() >= KNOWN;
         if let Some(why) = self.last.take() {
@@ -266,12 +266,12 @@ impl<'a> Search<'a> {
         }
         let bound_mm = self.asked * largest_mm;
         let affordable_mm = pitch_mm * (particles / MOST_PARTICLES).cbrt();
-        let finest_mm = affordable_mm.max(PITCHES[PITCHES.len() - 1] * self.own_mm);
+        let finest_mm = affordable_mm.max(self.pitches.finest());
         let wish_mm = found.pitch(pitch_mm, ROOM * (bound_mm - steps_mm).max(0.1 * bound_mm));
-        let next_mm = self.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.34 }));
-        let mut next_mm = if next_mm < pitch_mm { next_mm } else { self.at_most(0.99 * pitch_mm) };
+        let next_mm = self.pitches.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.34 }));
+        let mut next_mm = if next_mm < pitch_mm { next_mm } else { self.pitches.at_most(0.99 * pitch_mm) };
         let finer = next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
-        if (known && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
+        if (known && particles > TRUSTED && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
             let SpaceError { order: power, .. } = found;
             let many = particles * (pitch_mm / wish_mm).powi(3);
             let why = format!(
@@ -279,14 +279,29 @@ impl<'a> Search<'a> {
                  needed; name that lattice.pitch if you can wait for it, or ask for less"
             );
             // The lattice that the scene would have without being asked for accuracy is the best offer.
-            if pitch_mm <= self.own_mm * 1.001 || self.own_mm < finest_mm {
+            let own_mm = self.pitches.own_mm;
+            if pitch_mm <= own_mm * 1.001 || own_mm < finest_mm {
                 return Ok(Verdict::Missed(estimate, why));
             }
-            next_mm = self.own_mm;
+            next_mm = own_mm;
             self.last = Some(why);
         }
         let choice = self.choose(next_mm, STEPS_SHARE * bound_mm, tell)?;
-        Ok(Verdict::Again(estimate, choice))
+        Ok(Verdict::Again(Some(estimate), choice))
+    }
+
+    /// The coarsest of the lattices before whose error is within the bound too, now that it is known.
+    fn enough(&self, found: &SpaceError, largest_mm: f64) -> Option<Choice> {
+        let (finest, before) = self.levels.split_last()?;
+        let within = |level: &&Trial| {
+            let law = self.laws.iter().find(|law| law.method == level.choice.method);
+            let steps_mm = law.map_or(0.0, |law| law.error_mm(level.dt));
+            // By the law, and by what was seen.
+            let by_law = found.at(finest.choice.pitch_mm, level.choice.pitch_mm);
+            let seen = level.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm + found.error_mm);
+            by_law.max(seen) + steps_mm <= self.asked * largest_mm
+        };
+        before.iter().find(within).map(|level| level.choice)
     }
 
     /// Where the scene names the pitch: by another run on the same lattice.
@@ -308,7 +323,7 @@ impl<'a> Search<'a> {
         let share = if largest_mm > 0.0 { error / largest_mm } else { 0.0 };
         let estimate = Estimate { steps: share, pitch: None, order: None, largest_mm };
         if share <= self.asked {
-            return Ok(Verdict::Kept(estimate));
+            return Ok(Verdict::Kept(estimate, None));
         }
         self.laws.retain(|law| law.method != method);
         if error.is_finite() {
@@ -327,14 +342,14 @@ impl<'a> Search<'a> {
             let why = "shorter steps do not help: cuts, contact or the rounding of f32 decide; ask for less".to_owned();
             return Ok(Verdict::Missed(estimate, why));
         }
-        Ok(Verdict::Again(estimate, choice))
+        Ok(Verdict::Again(Some(estimate), choice))
     }
 
     /// Tries the plain step on a lattice; false when that has too few particles.
     fn probe(&mut self, pitch_mm: f64, tell: &mut dyn FnMut(&Told<'_>)) -> Result<bool, AccuracyError> {
         let plain = Choice { pitch_mm, method: Method::SymplecticEuler, fineness: 1.0 };
         let (_, prepared) = plain.prepare(self.scene, self.inputs)?;
-        let finest = pitch_mm < 1.01 * PITCHES[PITCHES.len() - 1] * self.own_mm;
+        let finest = pitch_mm < 1.01 * self.pitches.finest();
         if prepared.lattice.len() < LEAST_PARTICLES && !finest {
             return Ok(false);
         }
@@ -418,18 +433,5 @@ impl<'a> Search<'a> {
                 _ => return Ok(choice),
             }
         }
-    }
-
-    /// A pitch between the coarsest lattice and one of this pitch [mm].
-    fn between(&self, pitch_mm: f64) -> Option<f64> {
-        let coarsest_mm = self.levels.first()?.choice.pitch_mm;
-        let inside = |own: &f64| *own > 1.1 * pitch_mm && 1.1 * *own < coarsest_mm;
-        PITCHES.iter().map(|share| share * self.own_mm).rfind(inside)
-    }
-
-    /// The largest pitch of those tried that is at most so large [mm].
-    fn at_most(&self, pitch_mm: f64) -> f64 {
-        let all = PITCHES.iter().map(|share| share * self.own_mm);
-        all.into_iter().find(|own| *own <= 1.001 * pitch_mm).unwrap_or(PITCHES[PITCHES.len() - 1] * self.own_mm)
     }
 }

@@ -13,11 +13,14 @@ pub(super) struct SpaceError {
     pub(super) order: f64,
 }
 
+/// Coarser lattices that the finest is compared with: those before are too coarse to show how errors fall here.
+const COMPARED: usize = 3;
+
 /// From runs of one scene on lattices of descending pitch. `None` with one, or where nothing can be compared.
 pub(super) fn space_error(runs: &[Trial]) -> Option<SpaceError> {
     let finest = runs.last()?;
     let finest_mm = finest.choice.pitch_mm;
-    let coarser = runs.iter().filter(|run| run.choice.pitch_mm != finest_mm);
+    let coarser = runs.iter().rev().filter(|run| run.choice.pitch_mm != finest_mm).take(COMPARED);
     let seen: Vec<(f64, Deviation)> =
         coarser.filter_map(|run| Some((run.choice.pitch_mm, run.distance(finest)?))).collect();
     // Where nothing moves there is no error, and no power of it.

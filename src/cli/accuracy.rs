@@ -45,43 +45,50 @@ pub(super) fn simulate(
         let begun = Begun::new((&chosen, scene_toml.clone()), inputs, prepared, (output, overwrite), messages)?;
         let mut recorded = begun.run(Some(collector), messages);
         overwrite = true;
-        if let Err(DriveError::Step(error)) = &recorded.driven
-            && let Some(finer) = search.in_place_of(&choice, &mut |told| said.told(told))?
-        {
-            said.line(format!("accuracy: {choice} will not do: {error}"));
-            recorded.recorder.finish(Status::Stopped { reason: error.to_string() })?;
-            choice = finer;
-            continue;
-        }
-        let (Ok(_), Some(collector)) = (&recorded.driven, recorded.collector.take()) else {
-            return recorded.conclude(&chosen, output, messages);
+        let run = match (&recorded.driven, recorded.collector.take()) {
+            (Ok(_), Some(collector)) => Ok(collector.into_trial(choice, &recorded.world, &chosen)),
+            (Err(DriveError::Step(error)), _) => Err(error.clone()),
+            _ => return recorded.conclude(&chosen, output, messages),
         };
-        let trial = collector.into_trial(choice, &recorded.world, &chosen);
-        let verdict = search.judge(trial, &mut |told| said.told(told))?;
-        let (estimate, missed) = match verdict {
+        let stopped = match &run {
+            Ok(_) => "the accuracy asked for was not reached".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        let (estimate, outcome) = match search.judge(&choice, run, &mut |told| said.told(told))? {
             Verdict::Again(estimate, next) => {
-                said.line(format!("accuracy: {}: more than asked", words(&estimate)));
-                recorded
-                    .recorder
-                    .finish(Status::Stopped { reason: "the accuracy asked for was not reached".into() })?;
+                if let Some(estimate) = estimate {
+                    said.line(format!("accuracy: {}: more than asked", words(&estimate)));
+                }
+                recorded.recorder.finish(Status::Stopped { reason: stopped })?;
                 choice = next;
                 continue;
             }
-            Verdict::Kept(estimate) => (estimate, None),
-            Verdict::Missed(estimate, why) => (estimate, Some(why)),
+            Verdict::Kept(estimate, enough) => (estimate, Ok(enough)),
+            Verdict::Missed(estimate, why) => (estimate, Err(why)),
+            Verdict::Diverged(_) => return recorded.conclude(&chosen, output, messages),
         };
         for line in said.lines {
             recorded.recorder.log(&line)?;
         }
-        let kept = if missed.is_none() { "kept" } else { "NOT kept" };
+        let kept = if outcome.is_ok() { "kept" } else { "NOT kept" };
         let line = format!("accuracy: {}: {} {kept}", words(&estimate), percent(search.asked()));
         tell(&mut recorded.recorder, messages, &line)?;
-        if let Some(why) = &missed {
-            recorded.recorder.log(why)?;
-            messages.warning(format_args!("the accuracy asked for was not reached: {why}"));
+        match &outcome {
+            Ok(None) => {}
+            Ok(Some(enough)) => {
+                let line = format!(
+                    "accuracy: {enough} would have been enough, which only this run shows: lattice.pitch = {} will do for scenes like it",
+                    enough.pitch_mm
+                );
+                tell(&mut recorded.recorder, messages, &line)?;
+            }
+            Err(why) => {
+                recorded.recorder.log(why)?;
+                messages.warning(format_args!("the accuracy asked for was not reached: {why}"));
+            }
         }
-        let outcome = recorded.conclude(&chosen, output, messages)?;
-        return Ok(if missed.is_some() && outcome == Outcome::Done { Outcome::CheckFailed } else { outcome });
+        let concluded = recorded.conclude(&chosen, output, messages)?;
+        return Ok(if outcome.is_err() && concluded == Outcome::Done { Outcome::CheckFailed } else { concluded });
     }
 }
 

@@ -60,7 +60,7 @@ pub(super) fn simulate(
     if inputs.replaced_voxels > 0 {
         messages.warning(format_args!("{} voxels of the image are not finite; read as air", inputs.replaced_voxels));
     }
-    if let Some(search) = Search::new(scene, &inputs) {
+    if let Some(search) = Search::new(scene, &inputs)? {
         return accuracy::simulate(search, (scene, scene_toml), &inputs, (output, overwrite), messages);
     }
     let prepared = prepare(scene, &inputs)?;

@@ -2,6 +2,7 @@
 
 use super::inputs::Inputs;
 use super::prepare::PrepareError;
+use crate::geometry::Grid;
 use crate::lattice::build::{BuildLatticeError, NO_ORGAN, OrganMap};
 use crate::scene::resolved::{Model, Scene, VoxelSelection};
 use crate::volume::{LabelVolume, Volume, grid_with_spacing, label_shares, resample_labels};
@@ -30,8 +31,19 @@ fn pitch_of(spacing: &[f64; 3]) -> f64 {
     spacing.iter().product::<f64>().cbrt()
 }
 
+/// The box of voxels that a scene's organs fill; `None` where they have another shape.
+///
+/// # Errors
+/// If an organ selects no voxel.
+pub(crate) fn filled_box(scene: &Scene, inputs: &Inputs) -> Result<Option<Grid>, PrepareError> {
+    let native = native_organs(scene, inputs)?;
+    let filled = native.as_slice().iter().filter(|&&organ| organ != 0).count();
+    let part = native.bounding_box(|&organ| organ != 0).filter(|part| part.shape().len() == filled);
+    Ok(part.map(|part| *native.crop(&part).grid()))
+}
+
 /// Whether a box of so many voxels is a whole number of cells long along every axis.
-fn whole_cells(voxels: [usize; 3], spacing: [f64; 3], pitch: f64) -> bool {
+pub(crate) fn whole_cells(voxels: [usize; 3], spacing: [f64; 3], pitch: f64) -> bool {
     (0..3).all(|axis| {
         let cells = voxels[axis] as f64 * spacing[axis] / pitch;
         (cells - cells.round()).abs() < SAME_SPACING
