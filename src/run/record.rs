@@ -13,7 +13,7 @@ use crate::geometry::{Point3, Vector3};
 use crate::lattice::neighbours::NEIGHBOURS;
 use crate::lattice::{FRINGE, Lattice};
 use crate::scene::resolved::{Scene, VoxelSelection};
-use crate::store::{Extra, ExtraValues, FrameData, RunHeader, RunWriter, Status, WriteRunError};
+use crate::store::{BackgroundWriter, Extra, ExtraValues, RunHeader, RunWriter, Status, WriteRunError};
 use crate::volume::CtVolume;
 
 /// Name of the extra array that holds the CT at the lattice points.
@@ -28,7 +28,7 @@ const SERIES_INTERVAL: Duration = Duration::from_secs(1);
 /// Writes frames, events and series of a run to its directory.
 #[derive(Debug)]
 pub struct Recorder {
-    writer: RunWriter,
+    writer: BackgroundWriter,
     /// Values of each series that are not written yet: name, unit, values.
     series: Vec<(String, &'static str, Vec<f64>)>,
     written: Instant,
@@ -179,6 +179,7 @@ impl Recorder {
             scene.time.integrator.cost_in_words()
         ))?;
         drop(extras);
+        let writer = BackgroundWriter::new(writer)?;
         let by_hu = scene.organs.iter().any(|organ| matches!(organ.voxels, VoxelSelection::Hu { .. }));
         Ok(Self {
             writer,
@@ -236,7 +237,7 @@ impl Recorder {
 
     fn write_series(&mut self) -> Result<(), WriteRunError> {
         for (name, unit, values) in self.series.drain(..) {
-            self.writer.push_series(&name, unit, &values)?;
+            self.writer.push_series(name, unit, values)?;
         }
         self.written = Instant::now();
         Ok(())
@@ -263,12 +264,8 @@ impl Observer for Recorder {
             return Err(WriteRunError::SeriesNotFinite { name, row: frame.number as usize, value });
         }
         self.writer.push_cuts(world.cut_sheet())?;
-        self.writer.push_frame(FrameData {
-            time_s: world.time(),
-            step: world.steps(),
-            displacements_mm: &world.displacements_mm(),
-            severed: world.topology().severed(),
-        })?;
+        let severed = world.topology().severed();
+        self.writer.push_frame((world.time(), world.steps()), world.displacements_mm(), severed)?;
         for (name, unit, value) in values {
             match self.series.iter_mut().find(|series| series.0 == name) {
                 Some((_, _, values)) => values.push(value),

@@ -111,6 +111,12 @@ pub enum WriteRunError {
         /// Number of the vertex.
         vertex: usize,
     },
+    /// The run was given up when something could not be written, which was told then.
+    #[error("{}: the run was given up after an error before; frames committed until then stay valid", path.display())]
+    GivenUp {
+        /// The run directory.
+        path: PathBuf,
+    },
     /// A name that cannot be a folder everywhere.
     #[error("{name:?} cannot name a series or an array; use 1 to 64 of a-z, 0-9 and _")]
     BadName {

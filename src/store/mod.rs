@@ -28,6 +28,7 @@
 //! (`.yawara-*.part`) of an interrupted write stay until the run is deleted.
 
 mod array;
+mod background;
 mod codec;
 mod error;
 mod manifest;
@@ -35,6 +36,7 @@ mod place;
 mod reader;
 mod writer;
 
+pub use background::BackgroundWriter;
 pub use error::{ReadRunError, WriteRunError};
 pub use manifest::{InputFile, Manifest, Program, Status};
 pub use reader::{ExtraArray, Frame, RunReader, Series};

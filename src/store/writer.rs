@@ -201,9 +201,7 @@ impl RunWriter {
             let (found, expected) = (displacements_mm.len(), self.particles);
             return Err(WriteRunError::WrongLength { name: format!("frame {number}: displacements"), found, expected });
         }
-        if let Some(particle) = displacements_mm.iter().position(|u| u.iter().any(|v| !v.is_finite())) {
-            return Err(WriteRunError::NotFinite { frame: number, particle });
-        }
+        check_finite(number, displacements_mm)?;
         let before = self.arrays.severed.particle.rows();
         if severed.len() < before || before.checked_sub(1).map(|last| severed[last]) != self.arrays.severed.last {
             return Err(WriteRunError::SeveredChanged { frame: number, found: severed.len(), before });
@@ -315,6 +313,14 @@ impl RunWriter {
 
     fn write_manifest(&self) -> Result<(), WriteRunError> {
         array::write_all(&[(self.path.join("manifest.json"), array::pretty(&self.manifest))])
+    }
+}
+
+/// Refuses a frame that no reader would take.
+pub(super) fn check_finite(frame: usize, displacements_mm: &[[f32; 3]]) -> Result<(), WriteRunError> {
+    match displacements_mm.iter().position(|u| u.iter().any(|v| !v.is_finite())) {
+        Some(particle) => Err(WriteRunError::NotFinite { frame, particle }),
+        None => Ok(()),
     }
 }
 

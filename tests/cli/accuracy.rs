@@ -12,7 +12,7 @@ name = "block"
 label = "cube"
 youngs_modulus = 5e3
 density = 1060
-damping_ratio = 0.2
+viscosity = 20
 [time]
 duration = 0.1
 frames = 5

@@ -5,12 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
+use yawara::cut::CutSheet;
 use yawara::geometry::{Affine, Grid, GridShape, Matrix3, Vector3};
 use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use yawara::lattice::{Lattice, NO_PARTICLE, SeveredSpring, Topology};
 use yawara::scene::resolved::Model;
 use yawara::store::{
-    Extra, ExtraValues, FrameData, InputFile, ReadRunError, RunHeader, RunReader, RunWriter, Status, WriteRunError,
+    BackgroundWriter, Extra, ExtraValues, FrameData, InputFile, ReadRunError, RunHeader, RunReader, RunWriter, Status,
+    WriteRunError,
 };
 
 /// A block with some points missing, all springs between neighbours, on an oblique grid.
@@ -226,6 +228,63 @@ fn same_input_same_bytes_but_for_the_date() {
 }
 
 /// A crash leaves the files as they were after some number of renames: replay every such moment of the last frame.
+#[test]
+fn a_thread_of_its_own_writes_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let lattice = lattice([6, 5, 4]);
+    let mut sheet = CutSheet::default();
+    let written = |name: &str| {
+        let mut files = tree(&folder.path().join(name));
+        // Two dates.
+        files.remove(Path::new("manifest.json")).unwrap();
+        files
+    };
+    let begin = |name: &str| RunWriter::create(&folder.path().join(name), header(), &lattice, &[], false).unwrap();
+    let (mut plain, mut background) = (begin("plain"), BackgroundWriter::new(begin("background")).unwrap());
+    for frame in 0..SEVERED.len() {
+        if frame == 2 {
+            sheet.vertices.extend([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
+            sheet.quads.push([0, 1, 2, 3]);
+            sheet.times.push(0.2);
+        }
+        let severed = springs(&lattice, SEVERED[frame]);
+        plain.push_cuts(&sheet).unwrap();
+        push(&mut plain, &lattice, frame).unwrap();
+        plain.push_series("volume", "mL", &[frame as f64]).unwrap();
+        plain.log("a line").unwrap();
+        background.push_cuts(&sheet).unwrap();
+        let moved = displacements(&lattice, frame);
+        background.push_frame((0.1 * frame as f64, 25 * frame as u64), moved, &severed).unwrap();
+        background.push_series("volume".to_owned(), "mL", vec![frame as f64]).unwrap();
+        background.log("a line").unwrap();
+    }
+    // What no reader would take is refused at once, and the run goes on.
+    let endless = vec![[f32::INFINITY; 3]; lattice.len()];
+    let refused = background.push_frame((0.4, 100), endless, &springs(&lattice, SEVERED[3])).unwrap_err();
+    assert!(matches!(refused, WriteRunError::NotFinite { frame: 4, particle: 0 }));
+    plain.finish(Status::Complete).unwrap();
+    background.finish(Status::Complete).unwrap();
+    assert_eq!(written("plain"), written("background"));
+    assert_eq!(RunReader::open(&folder.path().join("background")).unwrap().frames(), 4);
+}
+
+#[test]
+fn what_a_thread_of_its_own_cannot_write_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, lattice) = (folder.path().join("run"), lattice([6, 5, 4]));
+    let writer = RunWriter::create(&path, header(), &lattice, &[], false).unwrap();
+    let mut background = BackgroundWriter::new(writer).unwrap();
+    fs::remove_dir_all(&path).unwrap();
+    fs::write(&path, "in the way").unwrap();
+    // By the first call after the disk has answered, once.
+    let mut push = || background.push_series("volume".to_owned(), "mL", vec![1.0]);
+    let error = (0..1000).find_map(|_| push().err()).expect("nothing can be written");
+    assert!(error.to_string().contains("run"), "{error}");
+    push().unwrap();
+    let error = background.finish(Status::Complete).unwrap_err();
+    assert!(matches!(error, WriteRunError::GivenUp { .. }), "{error}");
+}
+
 #[test]
 fn a_run_cut_short_at_any_file_keeps_the_frames_before() {
     let folder = tempfile::tempdir().unwrap();
