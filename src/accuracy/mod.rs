@@ -13,7 +13,8 @@
 //! **How.** A lattice with twice the pitch costs a sixteenth. So the search begins with coarse ones ([`search`]): there longer against
 //! shorter steps tell what stepping costs (`steps`), and what a finer lattice changes tells the power of the pitch that the error
 //! follows (`space`). Each run is judged by the coarser ones before it, or by one with other steps. All choices rest on counted
-//! steps, never on a clock, so that the same scene makes the same choices on every machine.
+//! steps, never on a clock, so that the same scene makes the same choices on every machine. It takes a finer lattice to know what a
+//! coarser one errs by: where that one turns out to keep the bound as well, this is told, for scenes like it.
 //!
 //! **When it fails.** Half-spaces and blades that take in other particles at each pitch, damping by `damping_ratio`, which fades with the
 //! pitch, and borders drawn in voxels converge slowly. When no lattice that can be paid for reaches the bound, the run is made at

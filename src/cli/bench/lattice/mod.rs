@@ -23,6 +23,8 @@ struct Measured {
     bytes_per_particle: f64,
     /// Mean distance from the start [m].
     mean_moved: f64,
+    /// Along the longest axis [m].
+    length: f64,
 }
 
 pub(super) fn lattice(arguments: &BenchLatticeArguments) -> anyhow::Result<()> {
@@ -119,11 +121,13 @@ fn measure(body: &mut bodies::Body, steps: u32) -> anyhow::Result<Measured> {
     let seconds = began.elapsed().as_secs_f64();
     let world: &World = &body.world;
     let particles = world.lattice().len();
+    let longest = world.lattice().grid.shape.dims().into_iter().max().unwrap_or(0);
     let moved: f64 = (0..particles as u32).map(|p| (world.displacement(p) - body.place(p)).norm()).sum();
     Ok(Measured {
         particles,
         particle_steps_per_s: particles as f64 * f64::from(steps) / seconds,
         bytes_per_particle: world.bytes_per_particle(),
         mean_moved: moved / particles as f64,
+        length: longest as f64 * world.lattice().pitch,
     })
 }
