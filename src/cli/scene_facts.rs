@@ -353,6 +353,10 @@ fn effects_text(effects: &Value) -> String {
             found.push("contact with bone".to_owned());
             continue;
         }
+        if kind == "self_contact" {
+            found.push("contact of tissue with itself".to_owned());
+            continue;
+        }
         let one = if kind == "fix" { "fixed region" } else { kind.as_str() };
         found.push(times(count.as_u64().unwrap_or(0), one));
     }

@@ -53,12 +53,14 @@ impl World {
         self.apply_drives(&mut fastest);
         self.apply_drag(&mut fastest);
         self.advance_bodies(&mut fastest);
+        self.touch_itself(&mut fastest);
         self.touch_obstacles(&mut fastest);
         let sound = self.check(&fastest).and_then(|()| self.watch_alternation(&fastest));
         self.next_fastest = fastest;
         sound?;
         std::mem::swap(&mut self.fastest_squared, &mut self.next_fastest);
         self.drift();
+        self.note_moves_of_surface();
         self.settle_bodies();
         self.flow();
         self.tear();

@@ -197,7 +197,8 @@ impl Timeline {
                     | Action::Cut { .. }
                     | Action::Tool { .. }
                     | Action::Plane { .. }
-                    | Action::Bone { .. } => Vec::new(),
+                    | Action::Bone { .. }
+                    | Action::SelfContact { .. } => Vec::new(),
                 };
                 let shape = shape_of(operation, lattice, meshes)?;
                 let operation = operation.clone();
@@ -300,6 +301,11 @@ impl Entry {
                         world.place_obstacle(handle, along(path, (now - from) / (arrive - from)));
                     }
                     State::Acting(handle)
+                }
+                Action::SelfContact { organs, friction } => {
+                    world.set_self_contact(organs, *friction);
+                    // It lasts to the end of the run, and nothing about it changes.
+                    State::Done
                 }
                 Action::Cut { blade, path } => State::Cutting(Cutting {
                     blade: blade_in_lattice(world.lattice(), blade, path),
@@ -404,7 +410,8 @@ fn shape_of(
         | Action::Force { .. }
         | Action::Grab { .. }
         | Action::Pressure { .. }
-        | Action::Cut { .. } => return Ok(None),
+        | Action::Cut { .. }
+        | Action::SelfContact { .. } => return Ok(None),
         Action::Tool { shape, .. } => match shape {
             ToolShape::Sphere { center, radius } => Shape::sphere(*center, *radius),
             ToolShape::Capsule { from, to, radius } => Shape::capsule(*from, *to, *radius),

@@ -11,6 +11,7 @@ use super::effects::contact::Contact;
 use super::effects::fibres::CellFibres;
 use super::effects::plasticity::YieldedSprings;
 use super::effects::relaxation::MaxwellBranches;
+use super::effects::self_contact::SelfContact;
 use super::effects::tearing::Tearing;
 use super::integrator::Integration;
 use super::rigid::Bodies;
@@ -72,6 +73,8 @@ pub struct World {
     pub(super) rigid: Option<Box<Bodies>>,
     /// What soft particles may not enter; `None` without any obstacle, which then costs nothing.
     pub(super) contact: Option<Box<Contact>>,
+    /// `None` where tissue may pass through tissue, which then costs nothing.
+    pub(super) self_contact: Option<Box<SelfContact>>,
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
@@ -140,6 +143,7 @@ impl World {
             drives: Vec::new(),
             rigid,
             contact: None,
+            self_contact: None,
             axes,
             gravity: Vector3::zeros(),
             arithmetic: Arithmetic::default(),
@@ -338,7 +342,8 @@ impl World {
         let assembled = assembled.map_or(0, |term| term.modulus.len() + term.viscosity.as_ref().map_or(0, Vec::len));
         let cells = self.cells.as_ref().map_or(0, CellVolumes::bytes) + 4 * assembled;
         let fibres = self.fibres.as_ref().map_or(0, |fibres| fibres.bytes() + 12 * self.lattice.len());
-        let contact = self.contact.as_ref().map_or(0, |contact| contact.bytes());
+        let contact = self.contact.as_ref().map_or(0, |contact| contact.bytes())
+            + self.self_contact.as_ref().map_or(0, |contact| contact.bytes());
         let inner = self.relaxation.as_ref().map_or(0, |springs| springs.bytes())
             + self.plasticity.as_ref().map_or(0, |springs| springs.bytes())
             + self.tearing.as_ref().map_or(0, |tearing| tearing.bytes());

@@ -88,6 +88,7 @@ mod tests {
                         | "tool"
                         | "plane"
                         | "contact"
+                        | "self_contact"
                         | "release"
                 );
                 assert!(is_table || text.contains("xample: `"), "{path}: `{key}` has no example: {text}");

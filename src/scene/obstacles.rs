@@ -1,11 +1,11 @@
-//! Tools, planes and bone: what soft tissue cannot enter.
+//! Tools, planes, bone and tissue itself: what soft tissue cannot enter.
 
 use std::path::Path;
 
 use super::checks::Checks;
 use super::diagnostics::KeyPath;
 use super::operations::{FARTHEST_MM, near, polyline};
-use super::problem::{Problem, number};
+use super::problem::{Problem, nearest_name, number};
 use super::regions::direction;
 use super::resolved::{Action, ToolShape};
 use super::schema::{self, SceneFile};
@@ -75,6 +75,53 @@ pub(super) fn bone(
         return None;
     }
     Some(Action::Bone { organs, friction })
+}
+
+/// Checks and resolves contact of soft tissue with itself.
+pub(super) fn self_contact(
+    checks: &mut Checks<'_>,
+    table: &KeyPath,
+    contact: &schema::SelfContact,
+    file: &SceneFile,
+) -> Option<Action> {
+    let friction = friction(checks, table, contact.friction);
+    let soft = || file.organ.iter().enumerate().filter(|(_, organ)| !organ.rigid);
+    let Some(names) = &contact.organs else {
+        let organs: Vec<usize> = soft().map(|(index, _)| index).collect();
+        if organs.is_empty() {
+            let found = "every organ of this scene is rigid".to_owned();
+            let expected = "at least one organ without rigid = true, or no [self_contact]".to_owned();
+            checks.problem(table, Problem::Degenerate { found, expected });
+            return None;
+        }
+        return Some(Action::SelfContact { organs, friction });
+    };
+    let key = table.key("organs");
+    if names.is_empty() {
+        checks.out_of_range(&key, "an empty list", "names of soft organs; leave `organs` out for all of them");
+        return None;
+    }
+    let mut organs = Vec::new();
+    for (place, name) in names.iter().enumerate() {
+        let key = key.index(place);
+        match file.organ.iter().position(|organ| organ.name == *name) {
+            None => {
+                let known: Vec<String> = soft().map(|(_, organ)| organ.name.clone()).collect();
+                let suggestion = nearest_name(name, known.iter().map(String::as_str));
+                checks.problem(&key, Problem::UnknownName { kind: "organ", found: name.clone(), suggestion, known });
+            }
+            Some(index) if file.organ[index].rigid => {
+                let found = format!("organ `{name}` (organ[{index}]) is rigid");
+                let expected =
+                    "soft organs; for tissue on bone that stays where it is write [contact] bone = true".to_owned();
+                checks.problem(&key, Problem::Degenerate { found, expected });
+            }
+            Some(index) => organs.push(index),
+        }
+    }
+    organs.sort_unstable();
+    organs.dedup();
+    (!organs.is_empty()).then_some(Action::SelfContact { organs, friction })
 }
 
 fn friction(checks: &mut Checks<'_>, table: &KeyPath, written: Option<f64>) -> f64 {

@@ -80,6 +80,11 @@ pub(super) fn operations(
         let action = obstacles::bone(checks, &table, contact, file);
         push(&mut entries, table, "bone".to_owned(), 0.0, f64::INFINITY, action);
     }
+    if let Some(contact) = &file.self_contact {
+        let table = KeyPath::top("self_contact");
+        let action = obstacles::self_contact(checks, &table, contact, file);
+        push(&mut entries, table, "self contact".to_owned(), 0.0, f64::INFINITY, action);
+    }
     check_names(checks, &entries);
     release(checks, file, &mut entries);
     if checks.problems.len() > before {
@@ -286,7 +291,9 @@ fn release(checks: &mut Checks<'_>, file: &SceneFile, entries: &mut [Entry]) {
             checks.problem(&table.key("of"), Problem::Conflict { first, second: table.to_string(), next });
             continue;
         }
-        let held = |entry: &&mut Entry| !matches!(entry.operation.action, Action::Cut { .. } | Action::Bone { .. });
+        let lasts =
+            |action: &Action| matches!(action, Action::Cut { .. } | Action::Bone { .. } | Action::SelfContact { .. });
+        let held = |entry: &&mut Entry| !lasts(&entry.operation.action);
         let Some(target) = entries.iter_mut().filter(held).find(|entry| entry.operation.name == release.of) else {
             unknown_target(checks, &table.key("of"), file, &release.of);
             continue;
@@ -345,7 +352,7 @@ fn check_against_run(checks: &mut Checks<'_>, entry: &Entry, duration: f64) {
         return;
     }
     let (finished, goal) = match action {
-        Action::Fix { .. } | Action::Plane { .. } | Action::Bone { .. } => return,
+        Action::Fix { .. } | Action::Plane { .. } | Action::Bone { .. } | Action::SelfContact { .. } => return,
         Action::Tool { path, .. } if path.len() < 2 => return,
         Action::Force { ramp, .. } => (from + ramp, "its full force"),
         Action::Pressure { ramp, .. } => (from + ramp, "its full pressure"),

@@ -127,6 +127,7 @@ pub fn needs_plain_step(organs: &[Organ], operations: &[Operation]) -> Option<St
         Action::Tool { .. } => Some(format!("tool {}", operation.name)),
         Action::Plane { .. } => Some(format!("plane {}", operation.name)),
         Action::Bone { .. } => Some("contact.bone".to_owned()),
+        Action::SelfContact { .. } => Some("self_contact".to_owned()),
         _ => None,
     });
     let free = organs.iter().find(|organ| matches!(organ.body, Body::Rigid { density: Some(_) }));
@@ -403,6 +404,13 @@ pub enum Action {
         /// Coulomb's coefficient.
         friction: f64,
     },
+    /// Soft tissue that cannot pass through itself.
+    SelfContact {
+        /// Indices of the organs that take part.
+        organs: Vec<usize>,
+        /// Coulomb's coefficient.
+        friction: f64,
+    },
 }
 
 impl Action {
@@ -537,6 +545,7 @@ mod tests {
                 friction: 0.3,
             },
             Action::Bone { organs: vec![2, 3], friction: 0.1 + 0.2 },
+            Action::SelfContact { organs: vec![0, 1], friction: 0.1 + 0.2 },
         ];
         Scene {
             volume: VolumeSource::Files { image: Some("a/ct.nii.gz".into()), labels: None },

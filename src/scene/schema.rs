@@ -72,6 +72,9 @@ pub(super) struct SceneFile {
     /// Contact of soft tissue with bone. Default: none.
     #[serde(default, deserialize_with = "some_table")]
     pub(super) contact: Option<Contact>,
+    /// Contact of soft tissue with itself. Default: none; the lips of a cut may then pass through each other.
+    #[serde(default, deserialize_with = "some_table")]
+    pub(super) self_contact: Option<SelfContact>,
     /// Ends of a fix, pull, push, pressure, tool or plane before the run ends, each in its own `[[release]]` table. Default: none.
     #[serde(default, deserialize_with = "tables")]
     pub(super) release: Vec<Release>,
@@ -490,6 +493,20 @@ pub(super) struct Contact {
     #[serde(default)]
     pub(super) bone: bool,
     /// Coefficient of friction of tissue on bone (Coulomb), 0 or more. Default: 0. Example: `friction = 0.1`.
+    #[schemars(extend("minimum" = 0))]
+    pub(super) friction: Option<f64>,
+}
+
+/// Contact of soft tissue with itself: the lips of a cut, organs that nothing joins, a flap and what it is folded onto. The table
+/// may be empty.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SelfContact {
+    /// Names of the organs that take part; others pass through them and through each other. Default: all that are not rigid.
+    /// Example: `organs = ["liver", "stomach"]`.
+    #[schemars(length(min = 1))]
+    pub(super) organs: Option<Vec<String>>,
+    /// Coefficient of friction of tissue on tissue (Coulomb), 0 or more. Default: 0. Example: `friction = 0.1`.
     #[schemars(extend("minimum" = 0))]
     pub(super) friction: Option<f64>,
 }

@@ -8,6 +8,7 @@ mod bone;
 mod gentle;
 mod hertz;
 mod incline;
+mod itself;
 mod outside;
 mod scenes;
 

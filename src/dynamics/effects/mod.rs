@@ -8,6 +8,7 @@ pub(super) mod inner_springs;
 pub(super) mod plasticity;
 pub(super) mod pressure;
 pub(super) mod relaxation;
+pub mod self_contact;
 pub(super) mod tearing;
 
 pub(super) use drag::Drag;

@@ -86,7 +86,11 @@ impl World {
         assert!(integrator.tolerance > 0.0 && integrator.tolerance.is_finite(), "a tolerance is a length");
         let plain = integrator.method == Method::SymplecticEuler && integrator.precision == Precision::Single;
         assert!(
-            plain || (self.rigid.is_none() && self.contact.is_none() && self.assembly.inelastic.is_none()),
+            plain
+                || (self.rigid.is_none()
+                    && self.contact.is_none()
+                    && self.self_contact.is_none()
+                    && self.assembly.inelastic.is_none()),
             "only the plain step has rigid bodies, contact, relaxation, plasticity and tearing"
         );
         self.integration = (!plain).then(|| Box::new(Integration::new(self, integrator)));

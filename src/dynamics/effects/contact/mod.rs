@@ -152,6 +152,9 @@ impl World {
 
     /// After a particle was put somewhere: what is known of its block no longer holds.
     pub(in crate::dynamics) fn forget_clearance(&mut self, slot: u32) {
+        if let Some(contact) = &mut self.self_contact {
+            contact.forget();
+        }
         if let Some(contact) = &mut self.contact {
             let block = slot as usize / BLOCK_LEN;
             for placed in contact.obstacles.iter_mut().filter(|placed| placed.present) {
