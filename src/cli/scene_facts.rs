@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::accuracy::percent;
 use super::facts::{digits, write_columns};
 use super::messages::Messages;
+use crate::dynamics::World;
 use crate::dynamics::integrator::Integrator;
 use crate::dynamics::measure::cell_volume;
 use crate::dynamics::stable_dt::SAFETY;
@@ -22,7 +23,7 @@ use crate::run::inputs;
 use crate::run::label_lookup::Files;
 use crate::run::prepare::{Prepared, Spread, Spreads, prepare};
 use crate::run::thin_tools::thin_tools;
-use crate::scene::resolved::{Body, Operation, Organ, Scene};
+use crate::scene::resolved::{Action, Body, Operation, Organ, Scene};
 
 /// The world is stepped for about this long to find its pace.
 const BUDGET: Duration = Duration::from_millis(300);
@@ -101,7 +102,9 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
         "instruction_set": arithmetic.set().name(),
         "share_of_blocks_alike": world.alike_share(),
     });
-    match Pace::measure(&mut world, &mut timeline, &schedule, BUDGET) {
+    let measured = Pace::measure(&mut world, &mut timeline, &schedule, BUDGET);
+    facts["self_contact"] = self_contact(&scene, &world);
+    match measured {
         Ok(pace) => {
             facts["estimated_time_s"] = json!(pace.of(&schedule));
             facts["estimated_step_s"] = json!(pace.step);
@@ -151,6 +154,31 @@ fn obstacles(scene: &Scene) -> Vec<Value> {
             json!({ "name": name, "from_s": from, "until_s": until, "is": action })
         })
         .collect()
+}
+
+/// What soft tissue does with itself, as the resolved scene has it; null where it may pass through itself.
+fn self_contact(scene: &Scene, world: &World) -> Value {
+    let found = scene.operations.iter().find_map(|operation| match &operation.action {
+        Action::SelfContact { organs, friction } => Some((organs, friction)),
+        _ => None,
+    });
+    found.map_or(Value::Null, |(organs, friction)| {
+        json!({
+            "organs": organs.iter().map(|&organ| scene.organs[organ].name.as_str()).collect::<Vec<_>>(),
+            "friction": friction,
+            "surface_particles": world.self_contact().map(|facts| facts.surface_particles),
+        })
+    })
+}
+
+/// The same in a line.
+fn self_contact_text(contact: &Value) -> String {
+    let organs: Vec<&str> = contact["organs"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let friction = contact["friction"].as_f64().filter(|&friction| friction > 0.0);
+    let friction =
+        friction.map_or_else(|| "no friction".to_owned(), |friction| format!("friction {}", digits(friction, 4)));
+    let surface = contact["surface_particles"].as_u64().unwrap_or(0);
+    format!("{}: {surface} particles on their surfaces, {friction}", organs.join(", "))
 }
 
 /// An obstacle in a line: its name, what it is, when, and friction.
@@ -325,6 +353,9 @@ pub(super) fn text(facts: &Value) -> String {
     for (place, obstacle) in facts["obstacles"].as_array().into_iter().flatten().enumerate() {
         let key = if place == 0 { "obstacles" } else { "" };
         rows.insert(rows.len() - 1, vec![key.to_owned(), obstacle_text(obstacle)]);
+    }
+    if !facts["self_contact"].is_null() {
+        rows.insert(rows.len() - 1, vec!["self contact".to_owned(), self_contact_text(&facts["self_contact"])]);
     }
     write_columns(rows, "", &mut lines);
     organs_text(facts, &mut lines);

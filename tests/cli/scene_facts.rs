@@ -107,6 +107,24 @@ fn tissue_is_what_was_asked_for_and_waves_run_through_it() {
 }
 
 #[test]
+fn contact_of_tissue_with_itself_is_told() {
+    let folder = Folder::new();
+    folder.write("cube.toml", format!("{CUBE}\n[self_contact]\nfriction = 0.25\n"));
+    let facts = folder.yawara(&["info", "cube.toml", "--json"]).done().json();
+    assert_eq!(facts["effects"]["operations"]["self_contact"], 1);
+    assert_eq!(
+        (&facts["self_contact"]["friction"], &facts["self_contact"]["organs"][0]),
+        (&0.25.into(), &"cube".into())
+    );
+    // All of the cube's 1000 but the 512 inside, at least; what the blade has reached is not counted on.
+    assert!(facts["self_contact"]["surface_particles"].as_u64() >= Some(488));
+    folder.yawara(&["info", "cube.toml"]).done().prints(&["contact of tissue with itself", "friction 0.25"]);
+    folder.write("plain.toml", CUBE);
+    assert!(folder.yawara(&["info", "plain.toml", "--json"]).done().json()["self_contact"].is_null());
+    folder.yawara(&["run", "cube.toml", "-o", "run"]).done().says(&["`self contact` begins"]);
+}
+
+#[test]
 fn what_tissue_cannot_enter_is_listed() {
     let folder = Folder::new();
     let tool = "[[tool]]\nname = \"ball\"\nshape = { sphere = { center = [0, 0, 44], radius = 12.5 } }\n\

@@ -199,7 +199,7 @@ fn every_shipped_scene_of_a_phantom_can_be_simulated() {
             count += 1;
         }
     }
-    assert_eq!(count, 11);
+    assert_eq!(count, 12);
 }
 
 /// The demo's own scene takes seconds: it is taken to its first message only.

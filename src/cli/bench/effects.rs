@@ -48,8 +48,18 @@ const fn of_tables(name: &'static str, tables: &'static str) -> Effect {
     Effect { tables, ..effect(name) }
 }
 
-/// Each effect alone.
-const EFFECTS: [Effect; 16] = [
+/// The cube is cut in two before the first step that is timed, and the halves are pushed against each other.
+macro_rules! pressed_lips {
+    () => {
+        "[[cut]]\nblade = [[-40, 1, 0], [40, 1, 0]]\npath = [[0, 0, 40], [0, 0, -40]]\nto = 1e-9\n\
+         [[push]]\nregion = { half_space = { point = [0, 25, 0], normal = [0, 1, 0] } }\nforce = [0, -1, 0]\n\
+         [[push]]\nregion = { half_space = { point = [0, -25, 0], normal = [0, -1, 0] } }\nforce = [0, 1, 0]"
+    };
+}
+const PRESSED_LIPS: &str = pressed_lips!();
+
+/// Each effect alone, and contact of tissue with itself among what it is for.
+const EFFECTS: [Effect; 19] = [
     of_tables("gravity", "[gravity]\nacceleration = [0, 0, -9.81]"),
     of_organ("dampers", "damping_ratio = 0.2"),
     of_organ("volume term", "poissons_ratio = 0.45"),
@@ -75,6 +85,9 @@ const EFFECTS: [Effect; 16] = [
     ),
     // Through half of the cube before the first step that is timed.
     of_tables("cut", "[[cut]]\nblade = [[-40, 0, 0], [40, 0, 0]]\npath = [[0, 0, 40], [0, 0, 0]]\nto = 1e-9"),
+    of_tables("self contact", "[self_contact]\nfriction = 0.1"),
+    of_tables("lips pressed together", PRESSED_LIPS),
+    of_tables("lips pressed, self contact", concat!("[self_contact]\nfriction = 0.1\n", pressed_lips!())),
     Effect { time: "exact = true", ..effect("exact arithmetic") },
     effect("nothing (noise)"),
 ];

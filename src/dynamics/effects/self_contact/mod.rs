@@ -24,7 +24,7 @@
 //! friction takes at most the coefficient times the normal impulse. Pairs that share particles are solved together by projected
 //! Gauss-Seidel in the order of their particles, with accumulated impulses that may go back but not below zero, in at most
 //! [`SWEEPS`] sweeps. Every update lowers kinetic energy, so contact takes energy and gives none, but for what leads apart pairs that
-//! overlap already: these part at a fifth of the overlap per step and at most [`PUSH_OUT_SPEED`]. No stiffness has to be chosen, and
+//! overlap by more than a tenth of a pitch: these part at a tenth of the rest per step and at most [`PUSH_OUT_SPEED`]. No stiffness has to be chosen, and
 //! the stable step stays what it was.
 //!
 //! Linear momentum is kept: exactly but for the rounding of velocities to f32. Angular momentum is not quite, for an impulse along the
@@ -134,7 +134,7 @@ impl World {
     /// What contact of tissue with itself amounts to so far; `None` without.
     pub fn self_contact(&self) -> Option<SelfContactFacts> {
         self.self_contact.as_ref().map(|contact| SelfContactFacts {
-            surface_particles: contact.surface.len(),
+            surface_particles: contact.surface.particles(),
             touching: contact.touching,
             looks: contact.looks,
             searches: contact.searches,

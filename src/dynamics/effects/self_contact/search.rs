@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::surface::Surface;
+use super::surface::{Member, Surface};
 use super::{LATERAL, SKIN};
 use crate::geometry::Vector3;
 use crate::lattice::{Lattice, Topology};
@@ -29,6 +29,11 @@ pub(super) struct Pair {
 /// Pairs farther apart do not touch in the next step [pitches].
 pub(super) fn reach() -> f64 {
     LATERAL.hypot(1.0 + AHEAD)
+}
+
+/// The direction along which two particles with these normals keep apart, from the first to the second.
+pub(super) fn common_normal((a, from): (&Member, Vector3), (b, to): (&Member, Vector3)) -> Vector3 {
+    (from * a.say - to * b.say).normalize()
 }
 
 /// All pairs that can come within reach while every particle moves by at most half of the skin, ascending.
@@ -67,9 +72,9 @@ fn pair(surface: &Surface, lattice: &Lattice, topology: &Topology, ends: [u32; 2
         return None;
     }
     let mut least = (a.thickness + b.thickness).min(1.0);
-    let (way, normals) = (b.rest() - a.rest(), a.normal - b.normal);
-    if way.norm_squared() <= NEIGHBOURS_AT_REST * NEIGHBOURS_AT_REST && normals.norm() > APART {
-        least = least.min(way.dot(&normals.normalize()));
+    let way = b.rest() - a.rest();
+    if way.norm_squared() <= NEIGHBOURS_AT_REST * NEIGHBOURS_AT_REST && (a.normal - b.normal).norm() > APART {
+        least = least.min(way.dot(&common_normal((a, a.normal), (b, b.normal))));
     }
     Some(Pair { ends, least: least * lattice.pitch })
 }
@@ -138,7 +143,7 @@ mod tests {
         let mut world = World::new(lattice, assembly, 1e-4);
         let of = |world: &World| Surface::new(&world.lattice, &world.topology, &world.layout, &world.assembly, &[0]);
         let mut followed = of(&world);
-        let whole = followed.len();
+        let whole = followed.particles();
         assert!(!followed.follow(&world.lattice, &world.topology, &world.layout));
         let mut random = SplitMix::new(5);
         for _ in 0..30 {
@@ -151,6 +156,6 @@ mod tests {
             assert!(followed.follow(&world.lattice, &world.topology, &world.layout));
             assert_eq!(followed.members(), of(&world).members());
         }
-        assert!(followed.len() > whole + 20, "{} {whole}", followed.len());
+        assert!(followed.particles() > whole + 20, "{} {whole}", followed.particles());
     }
 }

@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::layout::BlockLayout;
-use crate::lattice::neighbours::{NEIGHBOURS, OFFSETS, direction_of, family, opposite};
+use crate::lattice::neighbours::{ALL_ALIVE, NEIGHBOURS, OFFSETS, direction_of, family, opposite};
 use crate::lattice::{FRINGE, Lattice, Topology};
 use crate::material::{Assembly, RigidKind};
 
@@ -18,10 +19,15 @@ const LEAST_SUM: f64 = 2.5;
 const ALIKE: f64 = 0.8;
 /// Lacking neighbours within this cosine of the normal tell how far the surface is.
 const AHEAD: f64 = 0.5;
+/// How much normals around a particle agree with its own, as the mean cosine, at an edge (0.80 at that of a cube) and where all may
+/// count as one side (0.90 beside that edge).
+const AGREEMENT: [f64; 2] = [0.8, 0.88];
+/// The say of an edge or corner in a common normal: on one that meets a flat side, the side decides.
+const LEAST_SAY: f64 = 0.01;
 /// Keeps the moments of neighbours that lie in a plane or line invertible; relative to their sum.
 const REGULAR: f64 = 1e-6;
 
-/// A surface particle. Lengths are in pitches.
+/// A surface particle, as seen from one side: at the rim of a cut there are two of the same particle. Lengths are in pitches.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Member {
     pub(super) particle: u32,
@@ -30,9 +36,13 @@ pub(super) struct Member {
     pub(super) ijk: [i32; 3],
     /// Outward unit vector at rest.
     pub(super) normal: Vector3,
+    /// Its say in a common normal, 0 to 1.
+    pub(super) say: f64,
     /// From it to the surface along the normal.
     pub(super) thickness: f64,
-    /// Inverse of the second moments of the neighbours it is joined to.
+    /// Directions of the neighbours that turn its normal: those on the same side, which lie along the surface.
+    around: u32,
+    /// Inverse of their second moments.
     inverse: Matrix3,
 }
 
@@ -80,12 +90,20 @@ impl Surface {
         let mut surface = Self { members: Vec::new(), takes_part, severed: HashMap::new(), known: 0 };
         surface.note_severed(lattice, topology);
         let all = (0..lattice.len() as u32).into_par_iter();
-        surface.members = all.filter_map(|particle| surface.member(lattice, topology, layout, particle)).collect();
+        let of = |particle| surface.members_of((lattice, topology, layout), particle);
+        surface.members = all.flat_map_iter(of).collect();
         surface
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.members.len()
+    /// How many particles there are.
+    pub(super) fn particles(&self) -> usize {
+        self.members.chunk_by(|a, b| a.particle == b.particle).count()
+    }
+
+    /// The first member that is the same particle.
+    pub(super) fn first_of_particle(&self, member: usize) -> usize {
+        let same = member > 0 && self.members[member - 1].particle == self.members[member].particle;
+        member - usize::from(same)
     }
 
     pub(super) fn members(&self) -> &[Member] {
@@ -111,11 +129,12 @@ impl Surface {
             ends.iter().flat_map(|&end| (0..NEIGHBOURS).filter_map(move |direction| lattice.neighbour(end, direction))),
         );
         let changed: Vec<u32> = changed.into_iter().collect();
-        let found: Vec<Member> =
-            changed.par_iter().filter_map(|&particle| self.member(lattice, topology, layout, particle)).collect();
+        let of = |&particle: &u32| self.members_of((lattice, topology, layout), particle);
+        let found: Vec<Member> = changed.par_iter().flat_map_iter(of).collect();
         let kept = std::mem::take(&mut self.members);
         let mut merged: Vec<Member> =
             kept.into_iter().filter(|member| changed.binary_search(&member.particle).is_err()).chain(found).collect();
+        // Those of one particle stay in their order.
         merged.sort_by_key(|member| member.particle);
         self.members = merged;
         true
@@ -135,52 +154,60 @@ impl Surface {
         ends
     }
 
-    /// The surface particle that a particle is, if it is one.
-    fn member(&self, lattice: &Lattice, topology: &Topology, layout: &BlockLayout, particle: u32) -> Option<Member> {
+    /// The surface particles that a particle is: none, one, or at the rim of a cut two.
+    fn members_of(
+        &self,
+        (lattice, topology, layout): (&Lattice, &Topology, &BlockLayout),
+        particle: u32,
+    ) -> ArrayVec<Member, 2> {
+        let mut found = ArrayVec::new();
         if !self.takes_part[particle as usize] {
-            return None;
+            return found;
         }
-        let alive = topology.alive()[particle as usize];
-        let own = outward(alive)?;
-        let mut sum = own;
-        for (_, other) in joined(lattice, alive, particle) {
-            if let Some(normal) = outward(topology.alive()[other as usize])
-                && normal.dot(&own) > ALIKE
-            {
-                sum += normal;
+        let member = |side: Side| {
+            let (normal, say) = smooth_normal(lattice, topology, particle, side)?;
+            let around = along_surface(lattice, topology, particle, side, normal);
+            let mut moments = Matrix3::zeros();
+            for direction in directions(around) {
+                moments += offset(direction) * offset(direction).transpose();
             }
+            moments += Matrix3::identity() * (REGULAR * moments.trace()).max(REGULAR);
+            Some(Member {
+                particle,
+                slot: layout.slot[particle as usize],
+                ijk: lattice.ijk(particle).map(|index| index as i32),
+                normal,
+                say,
+                thickness: self.thickness(lattice, lacking(lattice, topology, particle, side), particle, normal),
+                around,
+                inverse: moments.try_inverse()?,
+            })
+        };
+        found.extend([Side::Border, Side::Cut].into_iter().filter_map(member));
+        if found.is_empty() {
+            found.extend(member(Side::Both));
         }
-        let normal = sum.normalize();
-        let mut moments = Matrix3::zeros();
-        for direction in directions(alive) {
-            moments += offset(direction) * offset(direction).transpose();
-        }
-        moments += Matrix3::identity() * (REGULAR * moments.trace()).max(REGULAR);
-        Some(Member {
-            particle,
-            slot: layout.slot[particle as usize],
-            ijk: lattice.ijk(particle).map(|index| index as i32),
-            normal,
-            thickness: self.thickness(lattice, alive, particle, normal),
-            inverse: moments.try_inverse()?,
-        })
+        found
     }
 
-    /// How far the surface lies beyond a particle: the nearest way to it that its lacking springs tell [pitches].
-    fn thickness(&self, lattice: &Lattice, alive: u32, particle: u32, normal: Vector3) -> f64 {
+    /// How far the surface lies beyond a particle along its normal: the mean of what its lacking springs tell [pitches].
+    fn thickness(&self, lattice: &Lattice, lacking: u32, particle: u32, normal: Vector3) -> f64 {
         let severed = self.severed.get(&particle).map_or(&[][..], Vec::as_slice);
         let border = if lattice.has_cells() { 0.0 } else { 0.5 };
         let ahead = |direction: usize| offset(direction).dot(&normal);
-        let faces = directions(!alive).filter(|&direction| family(direction) == 1);
+        let faces = directions(lacking).filter(|&direction| family(direction) == 1);
         let at_border = faces.filter(|&direction| lattice.springs[particle as usize] >> direction & 1 == 0);
         let at_border = at_border.map(|direction| (direction, border));
         let cut = severed.iter().map(|&(direction, at)| (usize::from(direction), f64::from(at)));
-        let near = at_border
-            .chain(cut)
-            .filter(|&(direction, _)| ahead(direction) > AHEAD * offset(direction).norm())
-            .map(|(direction, at)| at * ahead(direction))
-            .fold(f64::INFINITY, f64::min);
-        if near.is_finite() { near.clamp(0.0, 1.0) } else { border }
+        let cut = cut.filter(|&(direction, _)| lacking >> direction & 1 == 1);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (direction, at) in at_border.chain(cut) {
+            if ahead(direction) > AHEAD * offset(direction).norm() {
+                sum += at * ahead(direction);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 { sum / count } else { border }
     }
 
     /// The outward unit normal of a member now; zero where the tissue around it is crushed flat.
@@ -189,13 +216,13 @@ impl Surface {
     pub(super) fn normal_now(
         &self,
         member: &Member,
-        (lattice, topology, layout): (&Lattice, &Topology, &BlockLayout),
+        (lattice, layout): (&Lattice, &BlockLayout),
         displacement: &[Vec<f32>; 3],
     ) -> Vector3 {
         let moved = |slot: usize| Vector3::from([0, 1, 2].map(|axis| f64::from(displacement[axis][slot])));
         let own = moved(member.slot as usize);
         let mut products = Matrix3::zeros();
-        for (direction, other) in joined(lattice, topology.alive()[member.particle as usize], member.particle) {
+        for (direction, other) in joined(lattice, member.around, member.particle) {
             products += (moved(layout.slot[other as usize] as usize) - own) * offset(direction).transpose();
         }
         let deformation = Matrix3::identity() + products * member.inverse / lattice.pitch;
@@ -207,6 +234,9 @@ impl Surface {
 
     /// Whether a living spring joins two particles, or two over a particle between.
     pub(super) fn are_joined(lattice: &Lattice, topology: &Topology, a: &Member, b: &Member) -> bool {
+        if a.particle == b.particle {
+            return true;
+        }
         let way = [0, 1, 2].map(|axis| b.ijk[axis] - a.ijk[axis]);
         let reach = |way: [i32; 3]| way.iter().map(|part| part.abs()).max().unwrap_or(0);
         if reach(way) > 2 {
@@ -223,10 +253,62 @@ impl Surface {
     }
 }
 
-/// The direction out of the tissue at a particle with these living springs; `None` where it is not on the surface, or has no side.
-fn outward(alive: u32) -> Option<Vector3> {
-    let lacks_face = directions(!alive).any(|direction| family(direction) == 1);
-    let sum: Vector3 = directions(!alive).map(offset).sum();
+/// Which lacking springs make a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Side {
+    /// Those that never were.
+    Border,
+    /// Those that were severed.
+    Cut,
+    /// All of them, where neither alone makes one.
+    Both,
+}
+
+/// The springs that a particle lacks on a side.
+fn lacking(lattice: &Lattice, topology: &Topology, particle: u32, side: Side) -> u32 {
+    let (rest, alive) = (lattice.springs[particle as usize], topology.alive()[particle as usize]);
+    let bits = match side {
+        Side::Border => !rest,
+        Side::Cut => rest & !alive,
+        Side::Both => !alive,
+    };
+    bits & ALL_ALIVE
+}
+
+/// The outward unit normal of a particle on a side, smoothed over its neighbours, and its say in a common normal.
+fn smooth_normal(lattice: &Lattice, topology: &Topology, particle: u32, side: Side) -> Option<(Vector3, f64)> {
+    let own = outward(lacking(lattice, topology, particle, side))?;
+    let (mut sum, mut agreement, mut count) = (own, 1.0, 1.0);
+    for (_, other) in joined(lattice, topology.alive()[particle as usize], particle) {
+        if let Some(normal) = outward(lacking(lattice, topology, other, side)) {
+            let alike = normal.dot(&own);
+            agreement += alike;
+            count += 1.0;
+            if alike > ALIKE {
+                sum += normal;
+            }
+        }
+    }
+    let [edge, side] = AGREEMENT;
+    Some((sum.normalize(), ((agreement / count - edge) / (side - edge)).clamp(LEAST_SAY, 1.0)))
+}
+
+/// Directions of the joined neighbours on the same side that look the same way; of all joined ones where those do not span a surface.
+fn along_surface(lattice: &Lattice, topology: &Topology, particle: u32, side: Side, normal: Vector3) -> u32 {
+    let alive = topology.alive()[particle as usize];
+    let alike = |&(_, other): &(usize, u32)| {
+        outward(lacking(lattice, topology, other, side)).is_some_and(|other| other.dot(&normal) > AHEAD)
+    };
+    let around = joined(lattice, alive, particle).filter(alike).fold(0, |bits, (direction, _)| bits | 1 << direction);
+    let spans = |a: usize, b: usize| offset(a).cross(&offset(b)).dot(&normal).abs() > 0.5;
+    let spans = directions(around).any(|a| directions(around).any(|b| spans(a, b)));
+    if spans { around } else { alive }
+}
+
+/// The direction to where these springs are lacking; `None` where no face neighbour is, or they lie on all sides.
+fn outward(lacking: u32) -> Option<Vector3> {
+    let lacks_face = directions(lacking).any(|direction| family(direction) == 1);
+    let sum: Vector3 = directions(lacking).map(offset).sum();
     let length = sum.norm();
     (lacks_face && length >= LEAST_SUM).then(|| sum / length)
 }

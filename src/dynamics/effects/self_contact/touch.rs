@@ -3,27 +3,32 @@
 use rayon::prelude::*;
 
 use super::response::{Body, Contact, respond};
-use super::search::{AHEAD, Pair, near_pairs, reach};
-use super::surface::Surface;
+use super::search::{AHEAD, Pair, common_normal, near_pairs, reach};
+use super::surface::{Member, Surface};
 use super::{LATERAL, PUSH_OUT_SPEED, SKIN, SelfContact};
 use crate::dynamics::drive::raise;
 use crate::dynamics::world::World;
 use crate::geometry::Vector3;
 use crate::lattice::layout::BLOCK_LEN;
 
-/// Two particles look at each other when their normals are at more than about 105 degrees.
+/// Two particles look at each other when their normals are at more than about 105 degrees: sides at right angles do not, which meet
+/// at edges and not along a surface.
 const FACING: f64 = -0.25;
+/// And each looks along the common normal within this cosine.
+const ALONG: f64 = 0.5;
 /// What overlaps by more does not count as touching [pitches].
 const DEEPEST: f64 = 1.0;
 /// Overlap up to this is rounding, and left alone until something else touches [pitches].
 const ROUNDING: f64 = 1e-5;
 /// Pairs that will be this far from touching are solved for too, as impulses to others may bring them together [pitches].
 const NEARLY: f64 = 0.05;
-/// Share of an overlap that is led out in a step.
-const LED_OUT: f64 = 0.2;
+/// Overlap that only may not grow [pitches]: normals turn as tissue deforms, and leading out what comes of that would do work.
+const SLACK: f64 = 0.1;
+/// Share of a deeper overlap that is led out in a step.
+const LED_OUT: f64 = 0.1;
 /// While particles have moved less than this since nothing touched, nothing will [pitches].
 const UNMOVED: f64 = 1e-6;
-/// Marks a member that is no body.
+/// Marks what has no number.
 const NONE: u32 = u32::MAX;
 
 impl World {
@@ -49,7 +54,7 @@ impl World {
 /// Places of the members now, lattice axes [m].
 pub(super) fn places(surface: &Surface, world: &World) -> Vec<Vector3> {
     let pitch = world.lattice.pitch;
-    let place = |member: &super::surface::Member| member.rest() * pitch + moved(&world.displacement, member.slot);
+    let place = |member: &Member| member.rest() * pitch + moved(&world.displacement, member.slot);
     surface.members().par_iter().with_min_len(1024).map(place).collect()
 }
 
@@ -108,7 +113,7 @@ impl SelfContact {
                 return;
             }
             // The bound may be far above what happened: what flies or swings as a whole does not part.
-            let change = |(member, then): (&super::surface::Member, &[f32; 3])| {
+            let change = |(member, then): (&Member, &[f32; 3])| {
                 moved(&world.displacement, member.slot) - Vector3::from(then.map(f64::from))
             };
             let changes: Vec<Vector3> = members.iter().zip(&self.found_at).map(change).collect();
@@ -139,25 +144,26 @@ impl SelfContact {
             way(pair.ends).norm_squared() <= farthest * farthest && (is_free(pair.ends[0]) || is_free(pair.ends[1]))
         };
         let near: Vec<Pair> = self.pairs.par_iter().with_min_len(4096).filter(near).copied().collect();
-        // Numbers of the particles that are near others, and their normals.
-        let mut number = vec![NONE; members.len()];
-        let mut numbered = Vec::new();
+        // Members that are near others, and their normals; and the particles that they are.
+        let mut members_near = Numbering::new(members.len());
+        let mut particles_near = Numbering::new(members.len());
         for end in near.iter().flat_map(|pair| pair.ends) {
-            if number[end as usize] == NONE {
-                number[end as usize] = numbered.len() as u32;
-                numbered.push(end);
-            }
+            members_near.add(end as usize);
+            particles_near.add(self.surface.first_of_particle(end as usize));
         }
-        let lattice = (&world.lattice, &world.topology, &world.layout);
-        let normal = |&end: &u32| self.surface.normal_now(&members[end as usize], lattice, &world.displacement);
-        let normals: Vec<Vector3> = numbered.par_iter().with_min_len(256).map(normal).collect();
+        let lattice = (&world.lattice, &world.layout);
+        let normal = |&end: &usize| self.surface.normal_now(&members[end], lattice, &world.displacement);
+        let normals: Vec<Vector3> = members_near.numbered.par_iter().with_min_len(256).map(normal).collect();
         let contact = |pair: &Pair| {
-            let ends = pair.ends.map(|end| number[end as usize] as usize);
-            let [from, to] = ends.map(|end| normals[end]);
+            let [from, to] = pair.ends.map(|end| normals[members_near.of(end as usize)]);
             if from.dot(&to) > FACING || from == Vector3::zeros() || to == Vector3::zeros() {
                 return None;
             }
-            let normal = (from - to).normalize();
+            let [a, b] = pair.ends.map(|end| &members[end as usize]);
+            let normal = common_normal((a, from), (b, to));
+            if from.dot(&normal) < ALONG || to.dot(&normal) > -ALONG {
+                return None;
+            }
             let way = way(pair.ends);
             let gap = way.dot(&normal);
             let free = gap - pair.least;
@@ -165,16 +171,42 @@ impl SelfContact {
             if across > LATERAL * pitch || gap < -DEEPEST * pitch || free > AHEAD * pitch {
                 return None;
             }
-            let parting = if free >= 0.0 { -free / dt } else { (-LED_OUT * free / dt).min(PUSH_OUT_SPEED) };
-            let [a, b] = pair.ends.map(|end| moved(&world.velocity, members[end as usize].slot));
-            let nearly = (b - a).dot(&normal) - parting < NEARLY * pitch / dt;
+            let deeper = (-free - SLACK * pitch).max(0.0);
+            let parting = if free >= 0.0 { -free / dt } else { (LED_OUT * deeper / dt).min(PUSH_OUT_SPEED) };
+            let relative = moved(&world.velocity, b.slot) - moved(&world.velocity, a.slot);
+            let ends = pair.ends.map(|end| particles_near.of(self.surface.first_of_particle(end as usize)));
+            let nearly = relative.dot(&normal) - parting < NEARLY * pitch / dt;
             nearly.then_some(Contact { ends, normal, parting, push: 0.0, drag: Vector3::zeros() })
         };
         let contacts = near.par_iter().with_min_len(2048).filter_map(contact).collect();
-        let body = |&end: &u32| {
-            let slot = members[end as usize].slot;
+        let body = |&end: &usize| {
+            let slot = members[end].slot;
             (slot, f64::from(world.dt_over_mass[slot as usize]))
         };
-        (contacts, numbered.iter().map(body).collect())
+        (contacts, particles_near.numbered.iter().map(body).collect())
+    }
+}
+
+/// Numbers some of many things in the order they are met.
+struct Numbering {
+    number: Vec<u32>,
+    numbered: Vec<usize>,
+}
+
+impl Numbering {
+    fn new(things: usize) -> Self {
+        Self { number: vec![NONE; things], numbered: Vec::new() }
+    }
+
+    fn add(&mut self, thing: usize) {
+        if self.number[thing] == NONE {
+            self.number[thing] = self.numbered.len() as u32;
+            self.numbered.push(thing);
+        }
+    }
+
+    /// Of one that was added.
+    fn of(&self, thing: usize) -> usize {
+        self.number[thing] as usize
     }
 }
