@@ -1,6 +1,7 @@
 //! Soft tissue against soft tissue: bodies that meet, slide and rest on each other, lips of cuts, prongs of one organ.
 
 use yawara::cut::Blade;
+use yawara::dynamics::effects::self_contact::LATERAL;
 use yawara::dynamics::measure::balance;
 use yawara::lattice::SeveredSpring;
 use yawara::lattice::build::NO_ORGAN;
@@ -71,9 +72,6 @@ fn inside(world: &World, deeper: f64) -> (usize, f64) {
         if let Some(depth) = found {
             count += usize::from(depth > deeper);
             deepest = deepest.max(depth);
-            if depth > deeper && count < 12 {
-                println!("  {:?} at {:.2?} is {depth:.2} deep", world.lattice().ijk(p as u32), (point / h).data.0);
-            }
         }
     }
     (count, deepest)
@@ -101,15 +99,6 @@ fn cubes_meet_keep_momentum_and_do_not_pass() {
                 if step % 8 == 0 {
                     let now = balance(&world);
                     highest = highest.max(now.kinetic + now.elastic - start.kinetic);
-                    if contact && case == 0 && step % 40 == 0 {
-                        println!(
-                            "  {:.4} {:.4e} {:.4e} {:?}",
-                            world.time(),
-                            now.kinetic / start.kinetic,
-                            now.elastic / start.kinetic,
-                            world.self_contact().map(|f| f.touching)
-                        );
-                    }
                 }
                 if step % 100 == 0 {
                     deepest = deepest.max(inside(&world, 0.1).1);
@@ -118,8 +107,10 @@ fn cubes_meet_keep_momentum_and_do_not_pass() {
             }
             let end = balance(&world);
             let kept = (end.momentum - start.momentum).norm() / start.momentum.norm();
-            let across = world.lattice().pitch * 5.0 * start.momentum.norm();
-            let turned = (end.angular_momentum - start.angular_momentum).norm() / across;
+            let mass = |p: u32| f64::from(world.mass()[p as usize]);
+            let impulse: f64 = right.iter().map(|&p| mass(p) * (world.velocity(p).x + 0.1)).sum();
+            // In pitches aside, of the impulse that they gave each other.
+            let turned = (end.angular_momentum - start.angular_momentum).norm() / (world.lattice().pitch * impulse);
             let mean = |of: &[u32]| of.iter().map(|&p| world.velocity(p).x).sum::<f64>() / of.len() as f64;
             (kept, turned, highest / start.kinetic, deepest, touched, mean(&right) - mean(&left))
         };
@@ -127,7 +118,7 @@ fn cubes_meet_keep_momentum_and_do_not_pass() {
         println!(
             "{case}: momentum {kept:.1e}, angular {turned:.1e}, energy {highest:.1e}, {deepest:.3} deep, {touched} steps"
         );
-        assert!(kept < 1e-5 && turned < 0.05, "{kept:e} {turned:e}");
+        assert!(kept < 1e-5 && turned < if case == 0 { 1e-4 } else { LATERAL }, "{kept:e} {turned:e}");
         assert!(highest < 1e-3, "{highest:e}");
         assert!(deepest < 0.1 && touched > 10, "{deepest} {touched}");
         // They stop each other, or part again.

@@ -28,8 +28,9 @@
 //! the stable step stays what it was.
 //!
 //! Linear momentum is kept: exactly but for the rounding of velocities to f32. Angular momentum is not quite, for an impulse along the
-//! normal between places that are not opposite turns both: every pair errs by its impulse times its distance across, which is of either
-//! sign and cancels where the surface around a particle is met on all sides.
+//! normal between places that are not opposite turns both: every pair errs by its impulse times its distance across, so all of them by
+//! at most [`LATERAL`] pitches times the impulse. Particles that stand opposite each other, as those of lips do, give no error; two
+//! grids that meet half a pitch aside err by most of that half.
 //!
 //! Sources: impulses before the drift, inelastic and with Coulomb friction after Bridson, Fedkiw and Anderson, "Robust treatment of
 //! collisions, contact and friction for cloth animation", SIGGRAPH 2002; accumulated impulses after Jourdan, Alart and Jean, "A
@@ -41,7 +42,7 @@
 //!
 //! - Surfaces are points with normals. Where tissue is stretched so that its particles are more than 1.5 pitches apart, a particle of
 //!   the other side can slip between them; a sheet of a single layer of particles and a lone particle have no normal and touch
-//!   nothing; edges and corners are met as if they were rounded off.
+//!   nothing. An edge belongs to each side that meets there, so sides meet sides; what comes edge against edge may pass.
 //! - Bodies that come nearer by more than half a pitch in a step can pass through each other, and what overlaps by more than a pitch
 //!   no longer counts as touching.
 //! - One row of lip particles next to the front of a cut is left to the springs there.

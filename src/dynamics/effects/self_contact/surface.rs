@@ -22,12 +22,19 @@ const AHEAD: f64 = 0.5;
 /// How much normals around a particle agree with its own, as the mean cosine, at an edge (0.80 at that of a cube) and where all may
 /// count as one side (0.90 beside that edge).
 const AGREEMENT: [f64; 2] = [0.8, 0.88];
+/// Neighbours that lack no more springs than this lie on a flat side and not at its edge: on a flat side it is 9, at an edge 15.
+const FLAT: u32 = 10;
+/// Sides that meet at an edge look the way of its own normal at least by this cosine.
+const MEETS: f64 = 0.3;
+/// Most sides that meet at a corner.
+const SIDES: usize = 3;
 /// The say of an edge or corner in a common normal: on one that meets a flat side, the side decides.
 const LEAST_SAY: f64 = 0.01;
 /// Keeps the moments of neighbours that lie in a plane or line invertible; relative to their sum.
 const REGULAR: f64 = 1e-6;
 
-/// A surface particle, as seen from one side: at the rim of a cut there are two of the same particle. Lengths are in pitches.
+/// A surface particle, as seen from one side: at an edge, a corner and the rim of a cut there are several of the same particle. Lengths
+/// are in pitches.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Member {
     pub(super) particle: u32,
@@ -102,8 +109,9 @@ impl Surface {
 
     /// The first member that is the same particle.
     pub(super) fn first_of_particle(&self, member: usize) -> usize {
-        let same = member > 0 && self.members[member - 1].particle == self.members[member].particle;
-        member - usize::from(same)
+        let particle = self.members[member].particle;
+        let before = self.members[..member].iter().rev();
+        member - before.take_while(|other| other.particle == particle).count()
     }
 
     pub(super) fn members(&self) -> &[Member] {
@@ -154,18 +162,17 @@ impl Surface {
         ends
     }
 
-    /// The surface particles that a particle is: none, one, or at the rim of a cut two.
+    /// The surface particles that a particle is: none, one, or one for each side that meets there.
     fn members_of(
         &self,
         (lattice, topology, layout): (&Lattice, &Topology, &BlockLayout),
         particle: u32,
-    ) -> ArrayVec<Member, 2> {
+    ) -> ArrayVec<Member, { 2 * SIDES }> {
         let mut found = ArrayVec::new();
         if !self.takes_part[particle as usize] {
             return found;
         }
-        let member = |side: Side| {
-            let (normal, say) = smooth_normal(lattice, topology, particle, side)?;
+        let member = |side: Side, (normal, say): (Vector3, f64)| {
             let around = along_surface(lattice, topology, particle, side, normal);
             let mut moments = Matrix3::zeros();
             for direction in directions(around) {
@@ -183,9 +190,11 @@ impl Surface {
                 inverse: moments.try_inverse()?,
             })
         };
-        found.extend([Side::Border, Side::Cut].into_iter().filter_map(member));
-        if found.is_empty() {
-            found.extend(member(Side::Both));
+        for side in [Side::Border, Side::Cut, Side::Both] {
+            if side != Side::Both || found.is_empty() {
+                let normals = normals(lattice, topology, particle, side);
+                found.extend(normals.into_iter().filter_map(|normal| member(side, normal)));
+            }
         }
         found
     }
@@ -275,22 +284,38 @@ fn lacking(lattice: &Lattice, topology: &Topology, particle: u32, side: Side) ->
     bits & ALL_ALIVE
 }
 
-/// The outward unit normal of a particle on a side, smoothed over its neighbours, and its say in a common normal.
-fn smooth_normal(lattice: &Lattice, topology: &Topology, particle: u32, side: Side) -> Option<(Vector3, f64)> {
-    let own = outward(lacking(lattice, topology, particle, side))?;
+/// The outward unit normals of a particle on a side, each with its say in a common normal: where all around it is much alike one,
+/// smoothed; at an edge or corner those of the flat sides that meet there, or where there are none its own.
+fn normals(lattice: &Lattice, topology: &Topology, particle: u32, side: Side) -> ArrayVec<(Vector3, f64), SIDES> {
+    let mut found = ArrayVec::new();
+    let Some(own) = outward(lacking(lattice, topology, particle, side)) else { return found };
     let (mut sum, mut agreement, mut count) = (own, 1.0, 1.0);
+    let mut sides = ArrayVec::<Vector3, SIDES>::new();
     for (_, other) in joined(lattice, topology.alive()[particle as usize], particle) {
-        if let Some(normal) = outward(lacking(lattice, topology, other, side)) {
-            let alike = normal.dot(&own);
-            agreement += alike;
-            count += 1.0;
-            if alike > ALIKE {
-                sum += normal;
+        let lacking = lacking(lattice, topology, other, side);
+        let Some(normal) = outward(lacking) else { continue };
+        let alike = normal.dot(&own);
+        agreement += alike;
+        count += 1.0;
+        if alike > ALIKE {
+            sum += normal;
+        }
+        if lacking.count_ones() <= FLAT && alike > MEETS {
+            match sides.iter_mut().find(|side| side.normalize().dot(&normal) > ALIKE) {
+                Some(side) => *side += normal,
+                // A fourth side is left out.
+                None => drop(sides.try_push(normal)),
             }
         }
     }
-    let [edge, side] = AGREEMENT;
-    Some((sum.normalize(), ((agreement / count - edge) / (side - edge)).clamp(LEAST_SAY, 1.0)))
+    let [edge, flat] = AGREEMENT;
+    let agreement = agreement / count;
+    if agreement < flat && sides.len() > 1 {
+        found.extend(sides.into_iter().map(|side| (side.normalize(), 1.0)));
+    } else {
+        found.push((sum.normalize(), ((agreement - edge) / (flat - edge)).clamp(LEAST_SAY, 1.0)));
+    }
+    found
 }
 
 /// Directions of the joined neighbours on the same side that look the same way; of all joined ones where those do not span a surface.
