@@ -4,7 +4,7 @@ use super::SWEEPS;
 use crate::geometry::Vector3;
 
 /// Sweeps end when none changed a relative velocity by more than this share of a pitch per step.
-const SETTLED: f64 = 1e-7;
+const SETTLED: f64 = 1e-5;
 
 /// A particle that touches.
 #[derive(Debug, Clone, Copy)]
