@@ -68,7 +68,7 @@ pub(super) fn near_pairs(surface: &Surface, lattice: &Lattice, topology: &Topolo
 /// The pair that two members are, unless springs join them.
 fn pair(surface: &Surface, lattice: &Lattice, topology: &Topology, ends: [u32; 2]) -> Option<Pair> {
     let [a, b] = ends.map(|end| &surface.members()[end as usize]);
-    if Surface::are_joined(lattice, topology, a, b) {
+    if Surface::are_joined(topology, a, b) {
         return None;
     }
     let mut least = (a.thickness + b.thickness).min(1.0);

@@ -1,6 +1,7 @@
 //! The surface of soft tissue: its particles, their normals at rest and now, and how far beyond them it lies.
 
 use std::collections::{BTreeSet, HashMap};
+use std::sync::LazyLock;
 
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
@@ -242,24 +243,56 @@ impl Surface {
     }
 
     /// Whether a living spring joins two particles, or two over a particle between.
-    pub(super) fn are_joined(lattice: &Lattice, topology: &Topology, a: &Member, b: &Member) -> bool {
+    pub(super) fn are_joined(topology: &Topology, a: &Member, b: &Member) -> bool {
         if a.particle == b.particle {
             return true;
         }
         let way = [0, 1, 2].map(|axis| b.ijk[axis] - a.ijk[axis]);
-        let reach = |way: [i32; 3]| way.iter().map(|part| part.abs()).max().unwrap_or(0);
-        if reach(way) > 2 {
+        if farthest(way) > 2 {
             return false;
         }
-        let alive = topology.alive()[a.particle as usize];
-        if reach(way) == 1 && alive >> direction_of(way) & 1 == 1 {
+        let [from, to] = [a, b].map(|end| topology.alive()[end.particle as usize]);
+        if farthest(way) == 1 && from >> direction_of(way) & 1 == 1 {
             return true;
         }
-        joined(lattice, alive, a.particle).any(|(direction, between)| {
-            let rest = [0, 1, 2].map(|axis| way[axis] - OFFSETS[direction][axis]);
-            reach(rest) == 1 && topology.alive()[between as usize] >> direction_of(rest) & 1 == 1
-        })
+        let Between { directions: between, back } = &BETWEEN[place_of(way)];
+        directions(from & between).any(|direction| to >> back[direction] & 1 == 1)
     }
+}
+
+/// The particles that neighbour both a particle and another, at most two steps away.
+struct Between {
+    /// In which directions they lie, a bit each.
+    directions: u32,
+    /// And in which from the other, by these directions.
+    back: [u8; NEIGHBOURS],
+}
+
+/// By [`place_of`] the way to the other. Each end of a spring knows whether it lives, so that the particle between need not be found.
+static BETWEEN: LazyLock<Vec<Between>> = LazyLock::new(|| {
+    let along = || -2..=2_i32;
+    let ways = along().flat_map(|z| along().flat_map(move |y| along().map(move |x| [x, y, z])));
+    let of = |way: [i32; 3]| {
+        let mut between = Between { directions: 0, back: [0; NEIGHBOURS] };
+        for (direction, offset) in OFFSETS.iter().enumerate() {
+            let back = [0, 1, 2].map(|axis| offset[axis] - way[axis]);
+            if farthest(back) == 1 {
+                between.directions |= 1 << direction;
+                between.back[direction] = direction_of(back) as u8;
+            }
+        }
+        between
+    };
+    ways.map(of).collect()
+});
+
+fn place_of([x, y, z]: [i32; 3]) -> usize {
+    (((z + 2) * 5 + y + 2) * 5 + x + 2) as usize
+}
+
+/// Steps along the axis that takes most.
+fn farthest(way: [i32; 3]) -> i32 {
+    way.iter().map(|part| part.abs()).max().unwrap_or(0)
 }
 
 /// Which lacking springs make a surface.
@@ -340,7 +373,12 @@ fn outward(lacking: u32) -> Option<Vector3> {
 
 /// Directions of the bits that are set.
 fn directions(bits: u32) -> impl Iterator<Item = usize> {
-    (0..NEIGHBOURS).filter(move |direction| bits >> direction & 1 == 1)
+    let mut left = bits & ALL_ALIVE;
+    std::iter::from_fn(move || {
+        let next = (left != 0).then(|| left.trailing_zeros() as usize);
+        left &= left.wrapping_sub(1);
+        next
+    })
 }
 
 /// [pitches]
