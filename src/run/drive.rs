@@ -106,6 +106,8 @@ pub fn drive<O: Observer>(
 pub(super) struct Stepper {
     control: StepControl,
     schedule: Schedule,
+    /// When the schedule begins: a world may have been stepped before [s].
+    start: f64,
     /// Steps of the schedule that are begun, in whole frames unless the scene named the step.
     planned: u64,
     interval: Interval,
@@ -118,12 +120,14 @@ pub(super) struct Stepper {
 impl Stepper {
     pub(super) fn new(world: &World, schedule: &Schedule, timeline: &Timeline) -> Self {
         let turns = if schedule.asked { Vec::new() } else { timeline.turns() };
+        let start = world.time();
         Self {
             control: StepControl::new(world, schedule.limits),
             schedule: *schedule,
+            start,
             planned: 0,
-            interval: Interval::new(0.0, schedule.dt, 0),
-            until: 0.0,
+            interval: Interval::new(start, schedule.dt, 0),
+            until: start,
             turns,
         }
     }
@@ -151,12 +155,12 @@ impl Stepper {
         while self.turns.last().is_some_and(|turn| *turn <= from + close) {
             self.turns.pop();
         }
-        let end = due as f64 * dt;
+        let end = self.start + due as f64 * dt;
         match self.turns.last() {
             Some(&turn) if turn < end - close => self.until = turn,
             _ if self.schedule.asked => {
                 self.planned += 1;
-                self.until = self.planned as f64 * dt;
+                self.until = self.start + self.planned as f64 * dt;
             }
             _ => {
                 self.planned = due;
