@@ -43,11 +43,11 @@ impl World {
 
     /// After the drift: how far surface particles may have come from where they were.
     pub(in crate::dynamics) fn note_moves_of_surface(&mut self) {
+        let Some(mut contact) = self.self_contact.take() else { return };
         let way = self.longest_move();
-        if let Some(contact) = &mut self.self_contact {
-            contact.moved += way;
-            contact.unseen += way;
-        }
+        contact.moved += way;
+        contact.unseen += way;
+        self.self_contact = Some(contact);
     }
 }
 
