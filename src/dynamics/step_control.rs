@@ -100,6 +100,11 @@ impl Interval {
     pub fn new(until: f64, dt: f64, steps: u64) -> Self {
         Self { until, dt, left: steps, begun: false }
     }
+
+    /// Where it ends [s].
+    pub fn until(&self) -> f64 {
+        self.until
+    }
 }
 
 impl StepControl {

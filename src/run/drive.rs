@@ -111,8 +111,6 @@ pub(super) struct Stepper {
     /// Steps of the schedule that are begun, in whole frames unless the scene named the step.
     planned: u64,
     interval: Interval,
-    /// Where that ends [s].
-    until: f64,
     /// When operations begin and end that have not yet, latest first [s].
     turns: Vec<f64>,
 }
@@ -127,7 +125,6 @@ impl Stepper {
             start,
             planned: 0,
             interval: Interval::new(start, schedule.dt, 0),
-            until: start,
             turns,
         }
     }
@@ -149,31 +146,31 @@ impl Stepper {
     /// the scene named are kept one by one.
     fn next_interval(&mut self, due: u64) -> Interval {
         let dt = self.schedule.dt;
-        let from = self.until;
+        let from = self.interval.until();
         // As near as this, a turn is where a step ends anyway.
         let close = 1e-6 * dt;
         while self.turns.last().is_some_and(|turn| *turn <= from + close) {
             self.turns.pop();
         }
         let end = self.start + due as f64 * dt;
-        match self.turns.last() {
-            Some(&turn) if turn < end - close => self.until = turn,
+        let until = match self.turns.last() {
+            Some(&turn) if turn < end - close => turn,
             _ if self.schedule.asked => {
                 self.planned += 1;
-                self.until = self.start + self.planned as f64 * dt;
+                self.start + self.planned as f64 * dt
             }
             _ => {
                 self.planned = due;
-                self.until = end;
+                end
             }
-        }
-        let steps = (self.until - from) / dt;
+        };
+        let steps = (until - from) / dt;
         let whole = steps.round();
         // What is no whole number of steps is stepped in shorter ones.
         if (steps - whole).abs() < 1e-6 {
-            Interval::new(self.until, dt, whole as u64)
+            Interval::new(until, dt, whole as u64)
         } else {
-            Interval::new(self.until, (self.until - from) / steps.ceil(), steps.ceil() as u64)
+            Interval::new(until, (until - from) / steps.ceil(), steps.ceil() as u64)
         }
     }
 
