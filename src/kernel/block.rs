@@ -448,8 +448,8 @@ impl<V: Vector, K: SpringConstant, C: SpringConstant> Springs<V, K, C> {
             None
         };
         let stiffness = self.stiffness.lanes::<V, S, D>(fields.stiffness, base);
-        let factor = factor::<V, EXACT>(d, stiffness, self.rest[const { family(D) } - 1], damper);
-        let factor = A::keep::<V, D>(fields.words, base, factor);
+        let keep = |factor| A::keep::<V, D>(fields.words, base, factor);
+        let factor = factor::<V, EXACT>(d, stiffness, self.rest[const { family(D) } - 1], damper, keep);
         for axis in 0..3 {
             sum[axis] = if EXACT { sum[axis] + factor * d[axis] } else { factor.mul_add(d[axis], sum[axis]) };
         }

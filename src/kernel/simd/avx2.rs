@@ -5,10 +5,11 @@
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::{
-    __m256, __m256i, _CMP_GT_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_div_ps,
-    _mm256_fmadd_ps, _mm256_fnmadd_ps, _mm256_loadu_ps, _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps,
-    _mm256_mul_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_setzero_ps, _mm256_sllv_epi32, _mm256_sqrt_ps,
-    _mm256_srai_epi32, _mm256_storeu_ps, _mm256_sub_ps,
+    __m256, __m256i, _CMP_GT_OQ, _CMP_LT_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_blendv_ps,
+    _mm256_castsi256_ps, _mm256_cmp_ps, _mm256_div_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps, _mm256_loadu_ps,
+    _mm256_loadu_si256, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_epi32,
+    _mm256_set1_ps, _mm256_setzero_ps, _mm256_sllv_epi32, _mm256_sqrt_ps, _mm256_srai_epi32, _mm256_storeu_ps,
+    _mm256_sub_ps,
 };
 
 use super::{Vector, operators};
@@ -93,6 +94,18 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
+    fn all_within(self, limit: f32) -> bool {
+        // SAFETY: see above.
+        unsafe { _mm256_movemask_ps(within(self.0, limit)) == 0xff }
+    }
+
+    #[inline(always)]
+    fn where_within(self, key: Self, limit: f32, other: Self) -> Self {
+        // SAFETY: see above.
+        unsafe { Self(_mm256_blendv_ps(other.0, self.0, within(key.0, limit))) }
+    }
+
+    #[inline(always)]
     fn keep(self, words: &[u32], at: usize, bit: u32) -> Self {
         let words = &words[at..at + LANES];
         // SAFETY: see above. The bit becomes the sign, and the sign a mask.
@@ -102,4 +115,12 @@ impl Vector for Avx2 {
             Self(_mm256_and_ps(self.0, _mm256_castsi256_ps(_mm256_srai_epi32::<31>(sign))))
         }
     }
+}
+
+/// All ones in the lanes whose magnitude is below `limit`.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+fn within(values: __m256, limit: f32) -> __m256 {
+    let magnitude = _mm256_andnot_ps(_mm256_set1_ps(-0.0), values);
+    _mm256_cmp_ps::<_CMP_LT_OQ>(magnitude, _mm256_set1_ps(limit))
 }

@@ -2,10 +2,10 @@
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::{
-    __m512, __m512i, _CMP_GT_OQ, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_div_ps, _mm512_fmadd_ps, _mm512_fnmadd_ps,
-    _mm512_loadu_ps, _mm512_loadu_si512, _mm512_maskz_mov_ps, _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps,
-    _mm512_rcp14_ps, _mm512_rsqrt14_ps, _mm512_set1_epi32, _mm512_set1_ps, _mm512_setzero_ps, _mm512_sqrt_ps,
-    _mm512_storeu_ps, _mm512_sub_ps, _mm512_test_epi32_mask,
+    __m512, __m512i, _CMP_GT_OQ, _CMP_LT_OQ, _mm512_abs_ps, _mm512_add_ps, _mm512_cmp_ps_mask, _mm512_div_ps,
+    _mm512_fmadd_ps, _mm512_fnmadd_ps, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_mask_mov_ps, _mm512_maskz_mov_ps,
+    _mm512_max_ps, _mm512_min_ps, _mm512_mul_ps, _mm512_rcp14_ps, _mm512_rsqrt14_ps, _mm512_set1_epi32, _mm512_set1_ps,
+    _mm512_setzero_ps, _mm512_sqrt_ps, _mm512_storeu_ps, _mm512_sub_ps, _mm512_test_epi32_mask,
 };
 
 use super::{Vector, operators};
@@ -94,6 +94,21 @@ impl Vector for Avx512 {
     fn where_positive(self, sign: Self) -> Self {
         // SAFETY: see above.
         unsafe { Self(_mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_GT_OQ>(sign.0, _mm512_setzero_ps()), self.0)) }
+    }
+
+    #[inline(always)]
+    fn all_within(self, limit: f32) -> bool {
+        // SAFETY: see above.
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(self.0), _mm512_set1_ps(limit)) == u16::MAX }
+    }
+
+    #[inline(always)]
+    fn where_within(self, key: Self, limit: f32, other: Self) -> Self {
+        // SAFETY: see above.
+        unsafe {
+            let within = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(key.0), _mm512_set1_ps(limit));
+            Self(_mm512_mask_mov_ps(other.0, within, self.0))
+        }
     }
 
     #[inline(always)]

@@ -45,6 +45,10 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     fn inverse(self) -> Self;
     /// The lanes where `sign` is above 0, 0 in the others.
     fn where_positive(self, sign: Self) -> Self;
+    /// Whether the magnitudes of all lanes are below `limit`; not where one is not a number.
+    fn all_within(self, limit: f32) -> bool;
+    /// The lanes where the magnitude of `key` is below `limit`, those of `other` in the rest.
+    fn where_within(self, key: Self, limit: f32, other: Self) -> Self;
     /// The lanes whose word has the bit, 0 in the others.
     ///
     /// - `words`: one per lane, from `at` on.
@@ -123,16 +127,35 @@ mod tests {
                 get(va.mul_add(vb, vc)),
                 get(va.negative_mul_add(vb, vc)),
                 get(va.where_positive(vb) + va.where_positive(minus)),
+                get(va.where_within(minus, b[0], vc)),
                 get(va.keep(&words, 0, 3)),
             ];
+            let lanes = &a[..V::LANES];
+            assert_eq!(minus.all_within(b[0]), lanes.iter().all(|&a| a < b[0]));
+            let odd = V::load(&[&lanes[1..], &[f32::NAN]].concat(), 0);
+            assert!(minus.all_within(f32::INFINITY) && !odd.all_within(f32::INFINITY));
             let [inverse_sqrt, inverse] = [get(va.inverse_sqrt()), get(va.inverse())];
             for lane in 0..V::LANES {
+                let limit = b[0];
                 let (a, b, c) = (a[lane], b[lane], c[lane]);
                 let (product_sum, difference) =
                     if fused { (a.mul_add(b, c), (-a).mul_add(b, c)) } else { (a * b + c, c - a * b) };
                 let kept = if words[lane] >> 3 & 1 == 1 { a } else { 0.0 };
-                let expected =
-                    [a + b, a - b, a * b, a / b, a.sqrt(), a.max(b), a.min(b), product_sum, difference, a, kept];
+                let chosen = if a < limit { a } else { c };
+                let expected = [
+                    a + b,
+                    a - b,
+                    a * b,
+                    a / b,
+                    a.sqrt(),
+                    a.max(b),
+                    a.min(b),
+                    product_sum,
+                    difference,
+                    a,
+                    chosen,
+                    kept,
+                ];
                 assert_eq!(results.map(|result| result[lane + 1].to_bits()), expected.map(f32::to_bits));
                 let off = |found: f32, exact: f64| (f64::from(found) / exact - 1.0).abs();
                 assert!(off(inverse_sqrt[lane + 1], 1.0 / f64::from(a).sqrt()) < 2e-7, "{a:e}");

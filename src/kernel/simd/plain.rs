@@ -83,6 +83,16 @@ impl Vector for Plain {
     }
 
     #[inline(always)]
+    fn all_within(self, limit: f32) -> bool {
+        self.0.iter().all(|value| value.abs() < limit)
+    }
+
+    #[inline(always)]
+    fn where_within(self, key: Self, limit: f32, other: Self) -> Self {
+        Self(from_fn(|lane| if key.0[lane].abs() < limit { self.0[lane] } else { other.0[lane] }))
+    }
+
+    #[inline(always)]
     fn keep(self, words: &[u32], at: usize, bit: u32) -> Self {
         let words: [u32; LANES] = words[at..at + LANES].try_into().expect("as many as lanes");
         // All ones or all zeros: an AND instead of a branch.
