@@ -1,5 +1,6 @@
 //! One block and the layer of grid points around it, copied together so that the hot loop has no borders.
 
+use bytemuck::{Pod, cast_slice};
 use multiversion::multiversion;
 
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, NO_BLOCK};
@@ -23,55 +24,55 @@ pub const fn halo_row(y: isize, z: isize) -> usize {
 /// Every row of a halo, see [`gather_rows`].
 pub const ALL_ROWS: u128 = (1 << HALO_ROWS) - 1;
 
-/// Copies a block and the layer around it. Grid points of missing blocks read as the default, 0.
+/// Where the rows of a halo come from: place among the 27 blocks around, and row of that block.
+static SOURCES: [(usize, usize); HALO_ROWS] = {
+    let mut sources = [(0, 0); HALO_ROWS];
+    let mut row = 0;
+    while row < HALO_ROWS {
+        let (z, y) = (row / (BLOCK[1] + 2) + BLOCK[2] - 1, row % (BLOCK[1] + 2) + BLOCK[1] - 1);
+        let place = (z / BLOCK[2] * 3 + y / BLOCK[1]) * 3 + 1;
+        sources[row] = (place, z % BLOCK[2] * BLOCK[1] + y % BLOCK[1]);
+        row += 1;
+    }
+    sources
+};
+
+/// What missing blocks hold, in any type of field.
+static EMPTY: [u64; BLOCK_LEN] = [0; BLOCK_LEN];
+
+/// Copies a block and the layer around it. Grid points of missing blocks read as 0.
 ///
 /// - `field`: block order, see [`crate::lattice::layout::BlockLayout`].
 /// - `neighbours`: the 27 blocks around, itself at 13.
 ///
 /// # Panics
 /// If `field` does not hold a block that `neighbours` names.
-pub fn gather<T: Copy + Default>(field: &[T], neighbours: &[u32; 27], halo: &mut [T; HALO_LEN]) {
+pub fn gather<T: Pod>(field: &[T], neighbours: &[u32; 27], halo: &mut [T; HALO_LEN]) {
     gather_rows(field, neighbours, ALL_ROWS, halo);
 }
 
-/// [`gather`] for some rows only, the others read as the default: organs leave half of their blocks' rows empty.
+/// [`gather`] for some rows only, the others read as 0: organs leave half of their blocks' rows empty.
 ///
 /// - `rows`: one bit per row, see [`crate::lattice::layout::BlockLayout::rows`].
 ///
 /// # Panics
 /// If `field` does not hold a block that `neighbours` names.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
-pub fn gather_rows<T: Copy + Default>(field: &[T], neighbours: &[u32; 27], rows: u128, halo: &mut [T; HALO_LEN]) {
-    let empty = [T::default(); BLOCK_LEN];
-    let rows_of = |block: u32| -> &[[T; BLOCK[0]]] {
-        let values: &[T; BLOCK_LEN] = match block {
-            NO_BLOCK => &empty,
-            block => field[block as usize * BLOCK_LEN..][..BLOCK_LEN].try_into().expect("whole blocks"),
-        };
-        values.as_chunks().0
-    };
-    let halo_rows = halo.as_chunks_mut::<HALO_ROW>().0;
-    // Along y and z: the last layer of the block before, the block itself, the first layer of the block after.
-    let layers = |size: usize| [(size - 1..size, 0), (0..size, 1), (0..1, size + 1)];
-    for (place_z, (layers_z, first_z)) in layers(BLOCK[2]).into_iter().enumerate() {
-        for (place_y, (layers_y, first_y)) in layers(BLOCK[1]).into_iter().enumerate() {
-            let middle = (place_z * 3 + place_y) * 3 + 1;
-            let [before, own, after] = [middle - 1, middle, middle + 1].map(|place| rows_of(neighbours[place]));
-            for (step_z, z) in layers_z.clone().enumerate() {
-                let start = (first_z + step_z) * (BLOCK[1] + 2) + first_y;
-                for (step_y, y) in layers_y.clone().enumerate() {
-                    let row = &mut halo_rows[start + step_y];
-                    if rows >> (start + step_y) & 1 == 0 {
-                        *row = [T::default(); HALO_ROW];
-                        continue;
-                    }
-                    let from = z * BLOCK[1] + y;
-                    row[0] = before[from][BLOCK[0] - 1];
-                    row[1..=BLOCK[0]].copy_from_slice(&own[from]);
-                    row[HALO_ROW - 1] = after[from][0];
-                }
-            }
+pub fn gather_rows<T: Pod>(field: &[T], neighbours: &[u32; 27], rows: u128, halo: &mut [T; HALO_LEN]) {
+    let blocks = field.as_chunks::<BLOCK_LEN>().0;
+    let empty = cast_slice(&EMPTY).first_chunk().expect("no field is wider");
+    let around: [&[[T; BLOCK[0]]; BLOCK[1] * BLOCK[2]]; 27] = neighbours.map(|block| {
+        let values = if block == NO_BLOCK { empty } else { &blocks[block as usize] };
+        values.as_chunks().0.try_into().expect("the rows of a block")
+    });
+    for (row, (to, &(place, from))) in halo.as_chunks_mut::<HALO_ROW>().0.iter_mut().zip(&SOURCES).enumerate() {
+        if rows >> row & 1 == 0 {
+            *to = [T::zeroed(); HALO_ROW];
+            continue;
         }
+        to[0] = around[place - 1][from][BLOCK[0] - 1];
+        to[1..=BLOCK[0]].copy_from_slice(&around[place][from]);
+        to[HALO_ROW - 1] = around[place + 1][from][0];
     }
 }
 
