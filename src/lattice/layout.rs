@@ -4,6 +4,7 @@
 //! for its arrays to stay in the first-level cache while it is stepped, and its rows are one AVX-512 register long.
 //! Inside a block, and from block to block, x runs fastest.
 
+use super::block_lead::best_lead;
 use super::{Lattice, NO_PARTICLE};
 
 /// Grid points along each axis of a block.
@@ -25,9 +26,9 @@ pub struct BlockLayout {
     pub rows: Vec<u128>,
     /// Block coordinates (block index along x, y, z) of each block, ascending with x fastest.
     pub blocks: Vec<[u32; 3]>,
-    /// Grid index of the first grid point of block (0, 0, 0): the smallest of any particle along each axis, so that a body
-    /// as wide as some blocks fills them.
-    pub origin: [usize; 3],
+    /// Grid index of the first grid point of block (0, 0, 0): at or before the smallest of any particle along each axis, where
+    /// blocks are best filled.
+    pub origin: [i64; 3],
     /// Slot of each particle. Shape `[particles]`.
     pub slot: Vec<u32>,
 }
@@ -39,20 +40,27 @@ impl BlockLayout {
     /// If the lattice would need more than 2^32 slots (about 4 billion grid points).
     pub fn new(lattice: &Lattice) -> Self {
         let shape = lattice.grid.shape;
-        let mut origin = shape.dims();
+        let mut first = shape.dims();
         let mut end = [0; 3];
         for &point in &lattice.points {
             let ijk = shape.ijk(point as usize);
             for axis in 0..3 {
-                origin[axis] = origin[axis].min(ijk[axis]);
+                first[axis] = first[axis].min(ijk[axis]);
                 end[axis] = end[axis].max(ijk[axis] + 1);
             }
         }
-        let local = |point: u32| {
+        let within = |point: u32| {
             let ijk = shape.ijk(point as usize);
-            [0, 1, 2].map(|axis| ijk[axis] - origin[axis])
+            [0, 1, 2].map(|axis| ijk[axis] - first[axis])
         };
-        let counts = [0, 1, 2].map(|axis| end[axis].saturating_sub(origin[axis]).div_ceil(BLOCK[axis]));
+        let extent = [0, 1, 2].map(|axis| end[axis].saturating_sub(first[axis]));
+        let lead = best_lead(extent, lattice.points.iter().map(|&point| within(point)));
+        let origin = [0, 1, 2].map(|axis| first[axis] as i64 - lead[axis] as i64);
+        let local = |point: u32| {
+            let within = within(point);
+            [0, 1, 2].map(|axis| within[axis] + lead[axis])
+        };
+        let counts = [0, 1, 2].map(|axis| (extent[axis] + lead[axis]).div_ceil(BLOCK[axis]));
         let table_index = |b: [usize; 3]| (b[2] * counts[1] + b[1]) * counts[0] + b[0];
         let mut table = vec![NO_BLOCK; counts.iter().product()];
         for &point in &lattice.points {
@@ -104,27 +112,28 @@ impl BlockLayout {
         self.blocks.len() * BLOCK_LEN
     }
 
-    /// Grid index of a block's first grid point.
-    pub fn corner(&self, block: usize) -> [usize; 3] {
-        [0, 1, 2].map(|axis| self.origin[axis] + self.blocks[block][axis] as usize * BLOCK[axis])
+    /// Grid index of a block's first grid point; blocks at the border can begin before the grid.
+    pub fn corner(&self, block: usize) -> [i64; 3] {
+        [0, 1, 2].map(|axis| self.origin[axis] + i64::from(self.blocks[block][axis]) * BLOCK[axis] as i64)
     }
 
-    /// Grid index of a slot's grid point. Slots of the last blocks can lie outside the grid.
-    pub fn ijk_of_slot(&self, slot: usize) -> [usize; 3] {
+    /// Grid index of a slot's grid point; slots at the border can lie outside the grid.
+    pub fn ijk_of_slot(&self, slot: usize) -> [i64; 3] {
         let corner = self.corner(slot / BLOCK_LEN);
         let inside = slot % BLOCK_LEN;
         let local = [inside % BLOCK[0], inside / BLOCK[0] % BLOCK[1], inside / (BLOCK[0] * BLOCK[1])];
-        [0, 1, 2].map(|axis| corner[axis] + local[axis])
+        [0, 1, 2].map(|axis| corner[axis] + local[axis] as i64)
     }
 
     /// The particle in a slot, if any.
     pub fn particle_of_slot(&self, lattice: &Lattice, slot: usize) -> Option<u32> {
         let ijk = self.ijk_of_slot(slot);
         let dims = lattice.grid.shape.dims();
-        if (0..3).any(|axis| ijk[axis] >= dims[axis]) {
+        if (0..3).any(|axis| !(0..dims[axis] as i64).contains(&ijk[axis])) {
             return None;
         }
-        Some(lattice.particle_at[lattice.grid.shape.linear(ijk)]).filter(|&particle| particle != NO_PARTICLE)
+        let point = lattice.grid.shape.linear(ijk.map(|index| index as usize));
+        Some(lattice.particle_at[point]).filter(|&particle| particle != NO_PARTICLE)
     }
 }
 

@@ -3,6 +3,7 @@
 //! A [`Lattice`] is the rest state and never changes. What changes is kept apart: displacements in
 //! [`crate::dynamics::World`], living springs in [`Topology`].
 
+mod block_lead;
 pub mod build;
 pub mod cells;
 pub mod layout;

@@ -279,11 +279,11 @@ impl RigidBody {
 
 /// Rest place of a particle from the lattice's first grid point, lattice axes [m].
 pub(super) fn rest_place(lattice: &Lattice, particle: u32) -> Vector3 {
-    place_of(lattice, lattice.ijk(particle))
+    place_of(lattice, lattice.ijk(particle).map(|index| index as i64))
 }
 
 /// Place of a grid point from the first one, lattice axes [m].
-pub(super) fn place_of(lattice: &Lattice, ijk: [usize; 3]) -> Vector3 {
+pub(super) fn place_of(lattice: &Lattice, ijk: [i64; 3]) -> Vector3 {
     Vector3::from(ijk.map(|n| n as f64)) * lattice.pitch
 }
 

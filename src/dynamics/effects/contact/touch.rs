@@ -140,8 +140,10 @@ impl Scene<'_> {
                 left &= left - 1;
                 let inside = row * BLOCK[0] + i;
                 let slot = block * BLOCK_LEN + inside;
-                let index = [corner[0] + i, corner[1] + row % BLOCK[1], corner[2] + row / BLOCK[1]];
-                let of = |axis: usize| index[axis] as f64 * pitch + f64::from(self.displacement[axis][slot]);
+                let within = [i, row % BLOCK[1], row / BLOCK[1]];
+                let of = |axis: usize| {
+                    (corner[axis] + within[axis] as i64) as f64 * pitch + f64::from(self.displacement[axis][slot])
+                };
                 let place = Vector3::new(of(0), of(1), of(2));
                 let own = Vector3::from([0, 1, 2].map(|axis| f64::from(velocity[axis][inside])));
                 let mut target = place + own * dt;
