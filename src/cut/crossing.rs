@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::blade::{Piece, Sweep};
+use super::bounds::Bounds;
+use super::tissue::{Part, Tissue, slots_of};
 use crate::geometry::Vector3;
-use crate::kernel::halo::{HALO_LEN, HALO_ROW, gather, halo_row};
-use crate::kernel::laws::{HaloStrides, away};
-use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout, NO_BLOCK};
+use crate::lattice::Topology;
+use crate::lattice::layout::{BLOCK, BLOCK_LEN};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
-use crate::lattice::{Lattice, Topology};
 
 /// How far beside its place a piece of edge is tested [pitches]: a particle exactly in the plane of a cut then has a side,
 /// the same for all its springs, whatever rounding does. Far above rounding (1e-10 for volumes 10 km away), far below
@@ -22,109 +22,50 @@ const POSITIVE: Vector3 = Vector3::new(1.0, std::f64::consts::SQRT_2, 1.732_050_
 
 /// A living spring that a blade goes through.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crossing {
+pub(crate) struct Crossing {
     /// The end with the lower particle number.
-    pub particle: u32,
+    pub(crate) particle: u32,
     /// Forward direction from that end.
-    pub direction: u8,
+    pub(crate) direction: u8,
     /// Where: 0 at `particle`, 1 at the other end.
-    pub at: f32,
-}
-
-/// A box in lattice axes [m].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Bounds {
-    pub(super) min: Vector3,
-    pub(super) max: Vector3,
-}
-
-impl Bounds {
-    pub(super) const EMPTY: Self =
-        Self { min: Vector3::new(f64::MAX, f64::MAX, f64::MAX), max: Vector3::new(f64::MIN, f64::MIN, f64::MIN) };
-
-    pub(super) fn include(&mut self, point: Vector3) {
-        self.min = self.min.inf(&point);
-        self.max = self.max.sup(&point);
-    }
-
-    pub(super) fn joined(self, other: Self) -> Self {
-        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
-    }
-
-    /// Distance of a point from the box [m]; 0 inside.
-    pub(super) fn distance(&self, point: Vector3) -> f64 {
-        (self.min - point).sup(&(point - self.max)).sup(&Vector3::zeros()).norm()
-    }
-
-    pub(super) fn meets(&self, other: &Self) -> bool {
-        (0..3).all(|axis| self.min[axis] <= other.max[axis] && other.min[axis] <= self.max[axis])
-    }
-
-    pub(super) fn of(piece: &Piece, margin: f64) -> Self {
-        let mut bounds = Self::EMPTY;
-        let corner = piece.origin.coords;
-        for point in [corner, corner + piece.side, corner + piece.stroke, corner + piece.side + piece.stroke] {
-            bounds.include(point);
-        }
-        Self { min: bounds.min.add_scalar(-margin), max: bounds.max.add_scalar(margin) }
-    }
+    pub(crate) at: f32,
 }
 
 /// Finds every living spring that the edge passes through while the particles move along straight lines from where they
 /// were to where they are, in order of particle and direction.
 ///
-/// - `before`, `now`: displacement x, y, z [m] when the sweep begins and ends: block order, lattice axes. The same twice
-///   for tissue that stands still.
-///
 /// A particle exactly in the plane of a cut keeps the springs of one side: it counts to the side on which a normal of the
 /// plane has a positive product with (1, sqrt 2, sqrt 3), whichever way the blade goes. Blocks that are far from the sweep
-/// are only asked for their bounds. A spring passed several times is reported once, by the first piece.
-///
-/// # Panics
-/// Never: a living spring has two ends.
-pub fn crossings(
-    lattice: &Lattice,
-    layout: &BlockLayout,
-    topology: &Topology,
-    before: &[Vec<f32>; 3],
-    now: &[Vec<f32>; 3],
-    sweep: &Sweep,
-) -> Vec<Crossing> {
-    if sweep.pieces.is_empty() {
-        return Vec::new();
-    }
-    let bounds: Vec<Bounds> = (0..layout.blocks.len())
-        .into_par_iter()
-        .map(|block| {
-            let at = |moment| block_bounds(lattice, layout, moment, block);
-            at(before).joined(at(now))
-        })
-        .collect();
+/// are only asked how far their particles are displaced. A spring passed several times is reported once, by the first piece.
+pub(crate) fn crossings(tissue: &Tissue<'_>, topology: &Topology, sweep: &Sweep) -> Vec<Crossing> {
+    let &Tissue { lattice, layout, .. } = tissue;
     let margin = 2.0 * BEYOND * lattice.pitch;
     let pieces: Vec<(Bounds, &Piece)> = sweep.pieces.iter().map(|piece| (Bounds::of(piece, margin), piece)).collect();
 
     let mut found: Vec<Crossing> = (0..layout.blocks.len())
         .into_par_iter()
         .flat_map_iter(|block| {
-            // A spring can end in a neighbouring block.
-            let reach = layout.neighbours[block]
-                .iter()
-                .filter(|&&neighbour| neighbour != NO_BLOCK)
-                .fold(Bounds::EMPTY, |reach, &neighbour| reach.joined(bounds[neighbour as usize]));
-            let near: Vec<&(Bounds, &Piece)> = pieces.iter().filter(|(bounds, _)| bounds.meets(&reach)).collect();
+            let near = pieces.iter().filter_map(|(bounds, piece)| {
+                // Springs reach over one pitch.
+                let part = tissue.part_near(block, bounds, [1.0, 1.0])?;
+                Some((*bounds, *piece, part))
+            });
+            let near: Vec<(Bounds, &Piece, Part)> = near.collect();
             let mut found = Vec::new();
-            if near.is_empty() {
+            let parts = near.iter().map(|(.., part)| part.clone());
+            let Some(part) = parts.reduce(|a, b| [0, 1, 2].map(|d| a[d].start.min(b[d].start)..a[d].end.max(b[d].end)))
+            else {
                 return found;
-            }
-            let ways = Ways::new(layout, block, [before, now], lattice.pitch);
+            };
+            let ways = Ways::new(tissue, block, &part);
             let near: Vec<Near<'_>> =
-                near.into_iter().map(|(bounds, piece)| Near::new(*bounds, piece, &ways, margin)).collect();
-            for slot in 0..BLOCK_LEN {
+                near.into_iter().map(|(bounds, piece, _)| Near::new(bounds, piece, &ways, margin)).collect();
+            for slot in slots_of(&part) {
                 let Some(particle) = layout.particle_of_slot(lattice, block * BLOCK_LEN + slot) else { continue };
                 let alive = topology.alive()[particle as usize];
-                let own = place_in_halo(slot);
+                let own = ways.of_slot(slot);
                 for direction in (FIRST_FORWARD..NEIGHBOURS).filter(|d| alive >> d & 1 == 1) {
-                    let other = own.wrapping_add_signed(away::<HaloStrides>(OFFSETS[direction]));
+                    let other = ways.beside(own, OFFSETS[direction]);
                     let meets = near.iter().find_map(|near| near.passes(&ways, own, other, lattice.pitch));
                     if let Some(at) = meets {
                         found.push(Crossing { particle, direction: direction as u8, at: at as f32 });
@@ -138,39 +79,45 @@ pub fn crossings(
     found
 }
 
-/// Where the particles of a block and those around it begin and end, lattice axes [m], laid out as a halo.
+/// Where the particles of a part of a block and those around it begin and end, lattice axes [m].
 struct Ways {
-    moments: [Box<[Vector3; HALO_LEN]>; 2],
+    part: Part,
+    /// Grid points along x and y, one more at each end than the part has.
+    size: [usize; 2],
+    places: Vec<[Vector3; 2]>,
 }
 
 impl Ways {
-    fn new(layout: &BlockLayout, block: usize, displacement: [&[Vec<f32>; 3]; 2], pitch: f64) -> Self {
-        let corner = layout.corner(block);
-        let mut halo = [0.0_f32; HALO_LEN];
-        let moments = displacement.map(|moment| {
-            let mut places = Box::new([Vector3::zeros(); HALO_LEN]);
-            for axis in 0..3 {
-                gather(&moment[axis], &layout.neighbours[block], &mut halo);
-                for (at, (place, &moved)) in places.iter_mut().zip(&halo).enumerate() {
-                    let row = at / HALO_ROW;
-                    let step = [at % HALO_ROW, row % (BLOCK[1] + 2), row / (BLOCK[1] + 2)][axis];
-                    place[axis] = (corner[axis] as f64 + step as f64 - 1.0) * pitch + f64::from(moved);
-                }
+    fn new(tissue: &Tissue<'_>, block: usize, part: &Part) -> Self {
+        let [x, y, z] = part.clone().map(|range| range.start as i64 - 1..range.end as i64 + 1);
+        let size = [x.end - x.start, y.end - y.start].map(|size| size as usize);
+        let mut places = Vec::with_capacity(size[0] * size[1] * (z.end - z.start) as usize);
+        for k in z {
+            for j in y.clone() {
+                places.extend(x.clone().map(|i| tissue.places(block, [i, j, k])));
             }
-            places
-        });
-        Self { moments }
+        }
+        Self { part: part.clone(), size, places }
     }
 
-    fn of(&self, at: usize) -> [Vector3; 2] {
-        [self.moments[0][at], self.moments[1][at]]
+    /// Number of the particle in a slot of the part.
+    fn of_slot(&self, slot: usize) -> usize {
+        let row = slot / BLOCK[0];
+        let at = [slot % BLOCK[0], row % BLOCK[1], row / BLOCK[1]];
+        let [x, y, z] = [0, 1, 2].map(|axis| at[axis] + 1 - self.part[axis].start);
+        (z * self.size[1] + y) * self.size[0] + x
     }
-}
 
-/// Place of a slot of a block in a halo.
-fn place_in_halo(slot: usize) -> usize {
-    let row = slot / BLOCK[0];
-    halo_row((row % BLOCK[1]) as isize, (row / BLOCK[1]) as isize) + 1 + slot % BLOCK[0]
+    /// Number of the one beside it.
+    fn beside(&self, number: usize, offset: [i32; 3]) -> usize {
+        let [x, y, z] = offset.map(|step| step as isize);
+        let [row, plane] = [self.size[0] as isize, (self.size[0] * self.size[1]) as isize];
+        number.wrapping_add_signed(z * plane + y * row + x)
+    }
+
+    fn of(&self, number: usize) -> [Vector3; 2] {
+        self.places[number]
+    }
 }
 
 /// A piece of edge near a block, and what tells cheaply that most springs are not met: a spring that is met ends on both
@@ -179,7 +126,7 @@ struct Near<'a> {
     piece: &'a Piece,
     bounds: Bounds,
     /// Lowest and highest place of each particle over the swept plane [m].
-    heights: Box<[[f64; 2]; HALO_LEN]>,
+    heights: Vec<[f64; 2]>,
     /// How far beside the plane the edge may be [m].
     margin: f64,
 }
@@ -187,16 +134,15 @@ struct Near<'a> {
 impl<'a> Near<'a> {
     fn new(bounds: Bounds, piece: &'a Piece, ways: &Ways, margin: f64) -> Self {
         let normal = piece.positive_normal();
-        let mut heights = Box::new([[0.0; 2]; HALO_LEN]);
         // Without a plane nothing is told apart: everything lies in it.
-        for (at, heights) in heights.iter_mut().enumerate() {
-            let [first, last] = ways.of(at).map(|place| normal.dot(&(place - piece.origin.coords)));
-            *heights = [first.min(last), first.max(last)];
-        }
-        Self { piece, bounds, heights, margin }
+        let heights = ways.places.iter().map(|places| {
+            let [first, last] = places.map(|place| normal.dot(&(place - piece.origin.coords)));
+            [first.min(last), first.max(last)]
+        });
+        Self { piece, bounds, heights: heights.collect(), margin }
     }
 
-    /// [`Piece::passes`] for the spring between two places of the halo.
+    /// [`Piece::passes`] for the spring between two particles.
     fn passes(&self, ways: &Ways, a: usize, b: usize, pitch: f64) -> Option<f64> {
         let ([low_a, high_a], [low_b, high_b]) = (self.heights[a], self.heights[b]);
         if low_a.min(low_b) > self.margin || high_a.max(high_b) < -self.margin {
@@ -209,25 +155,6 @@ impl<'a> Near<'a> {
         }
         self.piece.passes(a, b, pitch)
     }
-}
-
-/// Bounds of a block's particles: its box at rest, widened by the smallest and largest displacement in it.
-pub(super) fn block_bounds(
-    lattice: &Lattice,
-    layout: &BlockLayout,
-    displacement: &[Vec<f32>; 3],
-    block: usize,
-) -> Bounds {
-    let mut bounds = Bounds::EMPTY;
-    for axis in 0..3 {
-        let slots = &displacement[axis][block * BLOCK_LEN..(block + 1) * BLOCK_LEN];
-        let low = slots.iter().copied().fold(f32::MAX, f32::min);
-        let high = slots.iter().copied().fold(f32::MIN, f32::max);
-        let first = layout.corner(block)[axis] as f64;
-        bounds.min[axis] = first * lattice.pitch + f64::from(low);
-        bounds.max[axis] = (first + (BLOCK[axis] - 1) as f64) * lattice.pitch + f64::from(high);
-    }
-    bounds
 }
 
 impl Piece {

@@ -7,10 +7,14 @@
 //! behind its edge are not modelled: they neither cut nor push.
 
 mod blade;
+mod bounds;
 mod crossing;
 mod sheet;
+mod tissue;
 
 pub use blade::{Blade, Piece, Sweep};
-pub use crossing::{Crossing, crossings};
+
+pub(crate) use crossing::{Crossing, crossings};
 pub use sheet::CutSheet;
-pub(crate) use sheet::{SheetRecorder, Tissue};
+pub(crate) use sheet::SheetRecorder;
+pub(crate) use tissue::Tissue;

@@ -17,10 +17,12 @@ use std::collections::{BTreeMap, HashMap, VecDeque};
 use rayon::prelude::*;
 
 use super::blade::{Piece, Sweep};
-use super::crossing::{Bounds, Crossing, block_bounds};
+use super::bounds::Bounds;
+use super::crossing::Crossing;
+use super::tissue::{Tissue, slots_of};
 use crate::geometry::{Matrix3, Point3, Vector3};
 use crate::lattice::build::corners;
-use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
+use crate::lattice::layout::BLOCK_LEN;
 use crate::lattice::{Lattice, NO_PARTICLE, neighbours};
 
 /// Distance of the points along an edge, and of edges along a stroke [pitches]: cells are deformed little over half their
@@ -88,15 +90,6 @@ struct Edge {
     origin: Point3,
     side: Vector3,
     vertices: Vertices,
-}
-
-/// Where the tissue is during a test: displacements x, y, z [m] at its beginning and end, block order, lattice axes.
-#[derive(Clone, Copy)]
-pub(crate) struct Tissue<'a> {
-    pub(crate) lattice: &'a Lattice,
-    pub(crate) layout: &'a BlockLayout,
-    pub(crate) before: &'a [Vec<f32>; 3],
-    pub(crate) now: &'a [Vec<f32>; 3],
 }
 
 impl SheetRecorder {
@@ -257,16 +250,15 @@ const MOST_CUBES: i64 = 4096;
 
 impl<'a> Cells<'a> {
     fn near(tissue: &'a Tissue<'a>, piece: &Piece) -> Self {
-        let Tissue { lattice, layout, .. } = *tissue;
+        let &Tissue { lattice, layout, .. } = tissue;
         let reach = Bounds::of(piece, 2.0 * REACH * lattice.pitch);
         let list: Vec<_> = (0..layout.blocks.len())
             .into_par_iter()
             .flat_map_iter(|block| {
-                let at = |moment| block_bounds(lattice, layout, moment, block);
-                let near = reach.meets(&at(tissue.before).joined(at(tissue.now)));
-                let slots = if near { block * BLOCK_LEN..(block + 1) * BLOCK_LEN } else { 0..0 };
-                slots.filter_map(move |slot| {
-                    let low = layout.particle_of_slot(lattice, slot)?;
+                // A cell reaches one pitch up from its lowest corner.
+                let part = tissue.part_near(block, &reach, [0.0, 1.0]);
+                part.into_iter().flat_map(|part| slots_of(&part)).filter_map(move |slot| {
+                    let low = layout.particle_of_slot(lattice, block * BLOCK_LEN + slot)?;
                     let ijk = lattice.ijk(low);
                     let dims = lattice.grid.shape.dims();
                     if (0..3).any(|axis| ijk[axis] + 1 >= dims[axis]) {
@@ -337,9 +329,7 @@ impl<'a> Cells<'a> {
 
     /// Displacement of a particle at a share of the test [m].
     fn displacement(&self, particle: u32, share: f64) -> Vector3 {
-        let slot = self.tissue.layout.slot[particle as usize] as usize;
-        let [before, now] = [self.tissue.before, self.tissue.now]
-            .map(|moment| Vector3::from([0, 1, 2].map(|axis| f64::from(moment[axis][slot]))));
+        let [before, now] = self.tissue.displacements(self.tissue.layout.slot[particle as usize] as usize);
         before + (now - before) * share
     }
 

@@ -369,7 +369,10 @@ impl Cutting {
             }
         };
         self.tested = reached;
-        self.before = Some(world.moment());
+        match &mut self.before {
+            Some(before) => world.remember(before),
+            None => self.before = Some(world.moment()),
+        }
         self.moved = 0.0;
     }
 }

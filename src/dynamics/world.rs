@@ -385,6 +385,13 @@ impl World {
         Moment { displacement: self.displacement.clone() }
     }
 
+    /// The same in place of an earlier moment, whose memory is taken.
+    pub fn remember(&self, moment: &mut Moment) {
+        for (kept, now) in moment.displacement.iter_mut().zip(&self.displacement) {
+            kept.clone_from(now);
+        }
+    }
+
     /// Sweeps a blade through the lattice as it stands now and severs every spring the edge passes through; returns how
     /// many.
     pub fn cut(&mut self, sweep: &Sweep) -> usize {
@@ -404,8 +411,8 @@ impl World {
     fn pass(&mut self, before: Option<&Moment>, sweep: &Sweep) -> usize {
         let (time, now) = (self.time(), &self.displacement);
         let before = before.map_or(now, |moment| &moment.displacement);
-        let found = crossings(&self.lattice, &self.layout, &self.topology, before, now, sweep);
-        let tissue = Tissue { lattice: &self.lattice, layout: &self.layout, before, now };
+        let tissue = Tissue::new(&self.lattice, &self.layout, before, now);
+        let found = crossings(&tissue, &self.topology, sweep);
         self.sheet.record(&tissue, sweep, &found, time);
         let severed = |c: Crossing| SeveredSpring { particle: c.particle, direction: c.direction, at: c.at, time };
         self.sever(found.into_iter().map(severed))
