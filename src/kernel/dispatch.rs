@@ -13,17 +13,25 @@ use super::laws::{Living, SpringConstant};
 use super::parting::widest_cell;
 use super::rows::LANES;
 use super::simd::Vector;
+#[cfg(target_arch = "aarch64")]
+use super::simd::neon::Neon;
 use super::simd::plain::Plain;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{avx2::Avx2, avx512::Avx512};
 use super::volume::{CellConstant, CellPlanes, CellStep, block_volume_forces};
 use crate::lattice::layout::BLOCK_LEN;
 
+/// Whether this machine has some features.
+#[cfg(target_arch = "x86_64")]
+macro_rules! has { ($($feature:tt)*) => { $(std::arch::is_x86_feature_detected!($feature))&&* } }
+
 /// An instruction set the hot loop is compiled for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum InstructionSet {
-    /// What every machine of the architecture has; always exact.
+    /// Plain code, as any machine can run it; always exact.
     Baseline,
+    /// NEON of 64-bit ARM.
+    Neon,
     /// AVX2 and FMA.
     Avx2,
     /// AVX-512 F, VL, DQ and BW.
@@ -32,29 +40,26 @@ pub enum InstructionSet {
 
 impl InstructionSet {
     /// All of them, the fastest last.
-    pub const ALL: [Self; 3] = [Self::Baseline, Self::Avx2, Self::Avx512];
+    pub const ALL: [Self; 4] = [Self::Baseline, Self::Neon, Self::Avx2, Self::Avx512];
 
     /// Whether this machine has it.
     pub fn available(self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        {
-            macro_rules! has { ($($feature:tt)*) => { $(std::arch::is_x86_feature_detected!($feature))&&* } }
-            match self {
-                Self::Baseline => true,
-                Self::Avx2 => has!("avx2" "fma"),
-                Self::Avx512 => has!("avx2" "fma" "avx512f" "avx512vl" "avx512dq" "avx512bw"),
-            }
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        {
-            self == Self::Baseline
+        match self {
+            Self::Baseline => true,
+            Self::Neon => cfg!(target_arch = "aarch64"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => has!("avx2" "fma"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => has!("avx2" "fma" "avx512f" "avx512vl" "avx512dq" "avx512bw"),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 | Self::Avx512 => false,
         }
     }
 
     /// The one named in the environment by `YAWARA_INSTRUCTION_SET`, if any is.
     ///
     /// # Errors
-    /// If it is none of the three, or this machine does not have it.
+    /// If it is none of them, or this machine does not have it.
     pub fn asked_for() -> Result<Option<Self>, String> {
         let Some(name) = std::env::var_os("YAWARA_INSTRUCTION_SET") else { return Ok(None) };
         let set: Self = name.to_string_lossy().parse().map_err(|error| format!("YAWARA_INSTRUCTION_SET: {error}"))?;
@@ -80,6 +85,7 @@ impl InstructionSet {
     pub fn name(self) -> &'static str {
         match self {
             Self::Baseline => "baseline",
+            Self::Neon => "neon",
             Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
         }
@@ -93,7 +99,7 @@ impl FromStr for InstructionSet {
         Self::ALL
             .into_iter()
             .find(|set| set.name() == name)
-            .ok_or_else(|| format!("\"{name}\" is not an instruction set; expected baseline, avx2 or avx512"))
+            .ok_or_else(|| format!("\"{name}\" is not an instruction set; expected baseline, neon, avx2 or avx512"))
     }
 }
 
@@ -158,6 +164,8 @@ fn run_on<J: Job>(set: InstructionSet, job: J) -> J::Output {
 fn enter<J: Job>(set: InstructionSet, job: J) -> J::Output {
     assert!(set.available(), "this machine has no {}", set.name());
     match set {
+        #[cfg(target_arch = "aarch64")]
+        InstructionSet::Neon => job.run::<Neon>(),
         // SAFETY: asked for above.
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx512 => unsafe { run_on_avx512(job) },

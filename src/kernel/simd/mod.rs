@@ -1,12 +1,14 @@
 //! Lanes of f32 for the hot loop: one trait, one file per instruction set.
 //!
-//! The loop is written once over [`Vector`] and compiled three times. A register's type may only be used inside a function
+//! The loop is written once over [`Vector`] and compiled for each. A register's type may only be used inside a function
 //! compiled for its instruction set; [`super::dispatch`] is where that is chosen, and the only place that may do so.
 
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx512;
+#[cfg(target_arch = "aarch64")]
+pub(super) mod neon;
 pub(super) mod plain;
 
 use std::ops::{Add, Div, Mul, Sub};
@@ -74,7 +76,7 @@ pub fn fetch<T>(values: &[T], at: usize) {
 }
 
 /// Implements the four operators of a register type by its intrinsics.
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 macro_rules! operators {
     ($register:ident: $($operator:ident $method:ident $intrinsic:ident),*) => { $(
         impl std::ops::$operator for $register {
@@ -87,7 +89,7 @@ macro_rules! operators {
         }
     )* };
 }
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 use operators;
 
 #[cfg(test)]
@@ -170,6 +172,8 @@ mod tests {
     #[allow(unsafe_code)]
     fn every_instruction_set_computes_the_same() {
         assert_eq!(operations_agree::<plain::Plain>(false), 8_000);
+        #[cfg(target_arch = "aarch64")]
+        assert_eq!(operations_agree::<neon::Neon>(true), 8_000);
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]
