@@ -411,6 +411,8 @@ pub(super) enum BenchCommand {
     Lattice(BenchLatticeArguments),
     /// What each effect of a scene costs: alone, and in the usual company, in turn with a bare lattice.
     Effects(BenchEffectsArguments),
+    /// How far from real time a scene is, and where the time of its steps goes; no frame is measured or written.
+    Scene(BenchSceneArguments),
     /// The surface of a bumpy ball, f = 0.7 - |p| + 0.08 sin 20x sin 20y sin 20z over [-1, 1]^3, with normals.
     Surface(BenchSurfaceArguments),
     /// The same ball carried by a lattice of three times its spacing: places and normals of one frame after another.
@@ -442,7 +444,7 @@ pub(super) struct BenchLatticeArguments {
     /// Nothing fused, true square roots: the same bits on every instruction set.
     #[arg(long)]
     pub(super) exact: bool,
-    /// Instruction set: baseline, avx2 or avx512. Default: the best this machine has.
+    /// Instruction set: baseline, neon (ARM), avx2 or avx512 (x86-64). Default: the best this machine has.
     #[arg(long, value_name = "SET")]
     pub(super) instructions: Option<InstructionSet>,
     /// A command that does the same work and prints one line of JSON with `particle_steps_per_s` and `mean_moved`; both run
@@ -473,6 +475,22 @@ pub(super) struct BenchEffectsArguments {
     /// Writes effects.csv and effects.png into this folder. Default: nothing is written.
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench scene fixtures/scenes/liver-ct.toml --pitch 3 --pitch 2")]
+pub(super) struct BenchSceneArguments {
+    /// Scene file (TOML).
+    pub(super) scene: PathBuf,
+    /// Pitch in place of the scene's [mm]; may be given several times.
+    #[arg(long = "pitch", value_name = "MM")]
+    pub(super) pitches: Vec<f64>,
+    /// How often the scene is stepped through; the quickest run counts.
+    #[arg(long, default_value_t = 3)]
+    pub(super) runs: usize,
     /// Print JSON.
     #[arg(long)]
     pub(super) json: bool,

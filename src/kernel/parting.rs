@@ -90,6 +90,9 @@ pub fn fastest_spring(velocity: [&Halo; 3], alive: &[u32; BLOCK_LEN]) -> f32 {
         for y in 0..BLOCK[1] {
             let around = velocity.map(|halo| rows_around(halo, y, z));
             let alive = row_of_block(alive, y, z);
+            if alive.iter().all(|&springs| springs == 0) {
+                continue;
+            }
             for lane in 0..LANES {
                 let mut most = fastest[lane];
                 macro_rules! springs { ($($d:literal)*) => { $( {

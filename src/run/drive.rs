@@ -1,6 +1,9 @@
 //! Steps a world through its schedule and shows every frame to an observer.
 
+use std::time::Instant;
+
 use super::prepare::Schedule;
+use super::step_times::StepTime;
 use crate::dynamics::measure::{Balance, CellVolume, balance, cell_volume};
 use crate::dynamics::step_control::{Interval, StepControl, StepCounts};
 use crate::dynamics::timeline::{Event, Timeline};
@@ -77,6 +80,7 @@ pub fn drive<O: Observer>(
     observer: &mut O,
 ) -> Result<StepCounts, DriveError<O::Error>> {
     let mut stepper = Stepper::new(world, schedule, timeline);
+    let mut events = Vec::new();
     let show = |number: u64, world: &World, observer: &mut O| {
         let volume = cell_volume(world.lattice(), world.topology(), |particle| world.displacement(particle));
         let frame = Frame { number, world, balance: balance(world), volume };
@@ -84,12 +88,14 @@ pub fn drive<O: Observer>(
     };
     show(0, world, observer)?;
     for number in 1..=schedule.frames {
-        while stepper.ready(world, schedule.step_of_frame(number))? {
-            for event in timeline.advance(world) {
+        loop {
+            let step = stepper.step(world, timeline, schedule.step_of_frame(number), &mut events);
+            for event in events.drain(..) {
                 observer.event(&event).map_err(DriveError::Observer)?;
             }
-            world.step()?;
-            stepper.stepped(world);
+            if step?.is_none() {
+                break;
+            }
             observer.step(world);
         }
         if number == schedule.frames {
@@ -129,8 +135,41 @@ impl Stepper {
         }
     }
 
+    /// Takes the world one step on, with the operations that are due before it, and tells what each part took; `None` when it
+    /// stands where step `due` of the schedule ends.
+    ///
+    /// - `events`: gets what happened, also where the step fails.
+    pub(super) fn step(
+        &mut self,
+        world: &mut World,
+        timeline: &mut Timeline,
+        due: u64,
+        events: &mut Vec<Event>,
+    ) -> Result<Option<StepTime>, StepError> {
+        // Handed to the workers once: each of the parts is short, and asks them often.
+        rayon::scope(|_| {
+            let mut time = StepTime::default();
+            let took = |began: Instant| began.elapsed().as_secs_f64();
+            let began = Instant::now();
+            if !self.ready(world, due)? {
+                return Ok(None);
+            }
+            time.control = took(began);
+            let began = Instant::now();
+            events.extend(timeline.advance(world));
+            time.operations = took(began);
+            let began = Instant::now();
+            world.step()?;
+            time.step = took(began);
+            let began = Instant::now();
+            self.control.stepped(world, &mut self.interval);
+            time.control += took(began);
+            Ok(Some(time))
+        })
+    }
+
     /// Gives the world its next step; false when it stands where step `due` of the schedule ends.
-    pub(super) fn ready(&mut self, world: &mut World, due: u64) -> Result<bool, StepError> {
+    fn ready(&mut self, world: &mut World, due: u64) -> Result<bool, StepError> {
         loop {
             if self.control.plan(world, &mut self.interval)? {
                 return Ok(true);
@@ -172,10 +211,5 @@ impl Stepper {
         } else {
             Interval::new(until, (until - from) / steps.ceil(), steps.ceil() as u64)
         }
-    }
-
-    /// Takes note of a step just taken.
-    pub(super) fn stepped(&mut self, world: &World) {
-        self.control.stepped(world, &mut self.interval);
     }
 }

@@ -36,14 +36,11 @@ impl Pace {
         budget: Duration,
     ) -> Result<Self, StepError> {
         let mut stepper = Stepper::new(world, schedule, timeline);
-        let mut frame = 1;
+        let (mut frame, mut events) = (1, Vec::new());
         let mut step = |world: &mut World| {
-            while !stepper.ready(world, schedule.step_of_frame(frame))? {
+            while stepper.step(world, timeline, schedule.step_of_frame(frame), &mut events)?.is_none() {
                 frame += 1;
             }
-            timeline.advance(world);
-            world.step()?;
-            stepper.stepped(world);
             Ok::<(), StepError>(())
         };
         step(world)?;

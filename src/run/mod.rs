@@ -21,4 +21,5 @@ pub mod paint;
 pub mod prepare;
 mod range;
 pub mod record;
+pub mod step_times;
 pub mod thin_tools;

@@ -1,8 +1,8 @@
 //! What the program says about itself, and how it behaves in a pipe.
 
-use crate::support::Folder;
+use crate::support::{Folder, fixture};
 
-const COMMANDS: [&[&str]; 22] = [
+const COMMANDS: [&[&str]; 23] = [
     &[],
     &["demo"],
     &["run"],
@@ -18,6 +18,7 @@ const COMMANDS: [&[&str]; 22] = [
     &["study"],
     &["bench"],
     &["bench", "lattice"],
+    &["bench", "scene"],
     &["bench", "surface"],
     &["bench", "carry"],
     &["bench", "write"],
@@ -110,6 +111,14 @@ fn benches_print_one_object() {
     let lattice = folder.yawara(&["bench", "lattice", "--n", "12", "--steps", "3", "--json"]).done().json();
     assert_eq!((lattice["n"].as_u64(), lattice["steps"].as_u64()), (Some(12), Some(3)));
     assert!(lattice["particle_steps_per_s"].as_f64() > Some(0.0) && lattice["mean_moved"].as_f64() > Some(0.0));
+    let scene = &fixture("scenes/fig3-cube.toml");
+    let times = folder.yawara(&["bench", "scene", scene, "--pitch", "4", "--runs", "1", "--json"]).done().json();
+    let row = &times["pitches"][0];
+    assert!(row["pitch_mm"].as_f64() == Some(4.0) && row["steps"].as_u64() > Some(10), "{row}");
+    let parts = ["step_s", "operations_s", "control_s"].map(|part| row[part].as_f64().unwrap());
+    let slower = parts.iter().sum::<f64>() / row["simulated_s"].as_f64().unwrap();
+    assert!(parts[0] > 0.0 && (row["slower_than_life"].as_f64().unwrap() / slower - 1.0).abs() < 1e-9, "{row}");
+    folder.yawara(&["bench", "scene", scene, "--pitch", "0"]).refused(&["--pitch [0.0]", "above 0 mm"]);
     let surface = folder.yawara(&["bench", "surface", "--n", "40", "--json"]).done().json();
     assert!(surface["triangles"].as_u64() > Some(1000));
     let render = ["bench", "render", "--triangles", "4000", "--size", "64x48"];

@@ -5,6 +5,7 @@ mod carry;
 mod effects;
 mod lattice;
 mod render;
+mod scene;
 mod surface;
 mod write;
 
@@ -15,6 +16,7 @@ pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
     match command {
         BenchCommand::Lattice(arguments) => lattice::lattice(arguments),
         BenchCommand::Effects(arguments) => effects::effects(arguments),
+        BenchCommand::Scene(arguments) => scene::scene(arguments),
         BenchCommand::Surface(arguments) => surface::surface(arguments),
         BenchCommand::Care(arguments) => care::care(arguments),
         BenchCommand::Carry(arguments) => carry::carry(arguments),
