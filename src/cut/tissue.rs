@@ -35,9 +35,7 @@ impl<'a> Tissue<'a> {
             let mut bounds = Bounds::EMPTY;
             for moment in moments {
                 for axis in 0..3 {
-                    let values = &moment[axis][block * BLOCK_LEN..(block + 1) * BLOCK_LEN];
-                    let low = values.iter().fold(f32::MAX, |low, &value| if value < low { value } else { low });
-                    let high = values.iter().fold(f32::MIN, |high, &value| if value > high { value } else { high });
+                    let [low, high] = extremes(&moment[axis][block * BLOCK_LEN..(block + 1) * BLOCK_LEN]);
                     bounds.min[axis] = bounds.min[axis].min(f64::from(low));
                     bounds.max[axis] = bounds.max[axis].max(f64::from(high));
                 }
@@ -81,6 +79,18 @@ impl<'a> Tissue<'a> {
             block => self.displacements(block as usize * BLOCK_LEN + slot_in_block(inside)).map(|moved| rest + moved),
         }
     }
+}
+
+/// The smallest and the largest of whole rows of values, in lanes so that the compiler can take a register at a time.
+fn extremes(values: &[f32]) -> [f32; 2] {
+    let (mut low, mut high) = ([f32::MAX; BLOCK[0]], [f32::MIN; BLOCK[0]]);
+    for row in values.as_chunks::<{ BLOCK[0] }>().0 {
+        for lane in 0..BLOCK[0] {
+            low[lane] = if row[lane] < low[lane] { row[lane] } else { low[lane] };
+            high[lane] = if row[lane] > high[lane] { row[lane] } else { high[lane] };
+        }
+    }
+    [low.into_iter().fold(f32::MAX, f32::min), high.into_iter().fold(f32::MIN, f32::max)]
 }
 
 /// Slots of a part of a block, ascending, from the block's first on.

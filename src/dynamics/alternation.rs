@@ -23,11 +23,13 @@
 
 use rayon::prelude::*;
 
+use super::springs::Scratch;
 use super::step_error::{StepError, step_too_long};
+use super::workers::Worker;
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::kernel::alternation::{Alternation, alternation};
-use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::halo::gather;
 use crate::lattice::layout::{BLOCK_LEN, NO_BLOCK};
 use crate::lattice::neighbours::NEIGHBOURS;
 use crate::lattice::{Lattice, Topology};
@@ -51,11 +53,13 @@ pub(super) struct AlternationWatch {
     /// Per block: the halves of `|w - w'|^2 dt^2`, and the sum of `|w + w'|^2 dt^2` [m^2].
     blocks: Vec<([f64; 2], f64)>,
     looks: u32,
+    /// What the last look found, kept for its memory.
+    found: Vec<Alternation>,
 }
 
 impl AlternationWatch {
     pub(super) fn new(blocks: usize) -> Self {
-        Self { blocks: vec![([0.0; 2], 0.0); blocks], looks: 0 }
+        Self { blocks: vec![([0.0; 2], 0.0); blocks], looks: 0, found: Vec::new() }
     }
 
     /// The step with this number is to be looked at.
@@ -87,7 +91,8 @@ impl AlternationWatch {
         };
         let blocks = self.blocks.iter().enumerate().filter(|(_, block)| unstable(block));
         let worst = blocks.max_by(|(_, a), (_, b)| a.0[1].total_cmp(&b.0[1])).map(|(block, _)| block);
-        *self = Self::new(self.blocks.len());
+        self.blocks.fill(Default::default());
+        self.looks = 0;
         worst
     }
 }
@@ -101,11 +106,17 @@ impl World {
         if self.alternation.is_none() || !AlternationWatch::is_due(self.steps()) {
             return Ok(());
         }
-        let found = self.alternations(fastest);
         let (dt, pitch) = (self.dt(), self.lattice.pitch);
-        let Some(block) = self.alternation.as_mut().and_then(|watch| watch.look(dt, pitch, found)) else {
-            return Ok(());
-        };
+        let mut watch = self.alternation.take();
+        let worst = watch.as_mut().and_then(|watch| {
+            let mut found = std::mem::take(&mut watch.found);
+            self.alternations(fastest, &mut found);
+            let worst = watch.look(dt, pitch, found.iter().copied());
+            watch.found = found;
+            worst
+        });
+        self.alternation = watch;
+        let Some(block) = worst else { return Ok(()) };
         let slots = block * BLOCK_LEN..(block + 1) * BLOCK_LEN;
         let change = |particle: u32| {
             let slot = self.layout.slot[particle as usize] as usize;
@@ -119,24 +130,26 @@ impl World {
         ))
     }
 
-    /// One look at every block.
-    fn alternations(&self, fastest: &[f32]) -> Vec<Alternation> {
+    /// One look at every block, in place of what was found before.
+    fn alternations(&self, fastest: &[f32], found: &mut Vec<Alternation>) {
         let slow = AlternationWatch::slow(self.lattice.pitch, self.dt()).powi(2);
         let fast = |block: u32| f64::from(fastest[block as usize].max(self.fastest_squared[block as usize])) > slow;
-        let look = |halos: &mut Box<[Halo; 6]>, block: usize| {
+        let look = |block: usize| {
             let neighbours = &self.layout.neighbours[block];
             if !neighbours.iter().any(|&other| other != NO_BLOCK && fast(other)) {
                 return Alternation::default();
             }
             // Between steps the velocities to come are those of the step before.
-            for (field, halo) in self.velocity.iter().chain(&self.next_velocity).zip(halos.iter_mut()) {
+            let Worker { scratch, .. } = &mut *self.workers.own();
+            let Scratch { velocity: now, displacement: before, .. } = &mut **scratch;
+            for (field, halo) in
+                self.velocity.iter().zip(now.iter_mut()).chain(self.next_velocity.iter().zip(before.iter_mut()))
+            {
                 gather(field, neighbours, halo);
             }
-            let [x, y, z, old_x, old_y, old_z] = &**halos;
-            alternation([x, y, z], [old_x, old_y, old_z], self.living_springs(block))
+            alternation(now.each_ref(), before.each_ref(), self.living_springs(block))
         };
-        let halos = || Box::new([[0.0; HALO_LEN]; 6]);
-        (0..self.layout.blocks.len()).into_par_iter().map_init(halos, look).collect()
+        (0..self.layout.blocks.len()).into_par_iter().map(look).collect_into_vec(found);
     }
 }
 

@@ -1,5 +1,7 @@
 //! Spring constants and living springs in block order, and which blocks may take the fast body.
 
+use bytemuck::must_cast_ref;
+
 use super::slot_constants::to_slots;
 use crate::kernel::block::{BlockState, StepConstants, Work};
 use crate::kernel::dispatch::{Arithmetic, kick};
@@ -103,6 +105,20 @@ impl BlockSprings {
     /// Living springs of a block's slots, one bit per direction.
     pub(super) fn alive(&self, block: usize) -> &[u32; BLOCK_LEN] {
         block_of(&self.alive, block)
+    }
+
+    /// What the springs of a block are computed from besides places and velocities, to be asked for before they are.
+    pub(super) fn ahead(&self, block: usize) -> impl Iterator<Item = &[f32; BLOCK_LEN]> {
+        let (stiffness, damping) = match &self.law {
+            Law::Uniform { .. } => (None, None),
+            Law::MeanOfEnds { stiffness, damping } | Law::SumOfCells { stiffness, damping, .. } => {
+                (Some(stiffness), damping.as_ref())
+            }
+        };
+        let general = matches!(self.kind[block], BlockKind::General);
+        let alive: &[f32; BLOCK_LEN] = must_cast_ref(block_of(&self.alive, block));
+        let constants = [stiffness, damping].into_iter().flatten().map(move |values| block_of(values, block));
+        constants.chain([alive]).filter(move |_| general)
     }
 
     /// Living springs of every slot.

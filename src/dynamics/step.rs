@@ -23,8 +23,8 @@ use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
 const MOST_BLOCKS_PER_TASK: usize = 8;
 /// Every thread gets at least so many tasks, if there are enough blocks, so that threads end together.
 const TASKS_PER_THREAD: usize = 8;
-/// Fields of that state: displacement, old and new velocity, weight.
-const MOST_AHEAD: usize = 10;
+/// Fields of that state: displacement, old and new velocity, weight, constants and living springs.
+const MOST_AHEAD: usize = 13;
 
 impl World {
     /// One step of symplectic Euler: new velocities from the forces at the old places, then new places. Or of the integrator
@@ -210,6 +210,7 @@ impl Kick<'_> {
                         ahead.extend(old_velocity.iter().map(|field| block_of(field, block + 1)));
                     }
                     ahead.push(block_of(dt_over_mass, block + 1));
+                    ahead.extend(springs.ahead(block + 1));
                 }
                 let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
                 for axis in 0..3 {

@@ -25,7 +25,7 @@ use crate::kernel::dispatch::Arithmetic;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
-use crate::material::{Assembly, RigidKind, SpringConstants};
+use crate::material::{Assembly, Inelastic, RigidKind, SpringConstants};
 
 /// Where the particles of a world were at some moment.
 #[derive(Debug, Clone)]
@@ -331,11 +331,10 @@ impl World {
             + 4 * self.lattice.particle_at.len()
             + self.lattice.cell_organ.len()
             + 4 * self.lattice.cell_fill.len();
-        let constants = match &self.assembly.stiffness {
-            SpringConstants::Uniform(_) => 0,
-            _ if self.springs.damped() => 8 * self.lattice.len(),
-            _ => 4 * self.lattice.len(),
-        };
+        let Assembly { stiffness, damping, inelastic, .. } = &self.assembly;
+        let constants = stiffness.bytes()
+            + damping.as_ref().map_or(0, SpringConstants::bytes)
+            + inelastic.as_ref().map_or(0, Inelastic::bytes);
         let rigid = self.rigid.as_ref().map_or(0, |rigid| rigid.bytes());
         // Once in block order, once as assembled.
         let assembled = self.assembly.volume.as_ref();

@@ -440,6 +440,42 @@ mod tests {
         }
     }
 
+    /// Velocities around a block may be anything where nothing damps: they are not read.
+    #[test]
+    fn without_dampers_velocities_are_not_read() {
+        let step = StepConstants::new(3e-3, 1e-4, [0.0; 3]);
+        let displacement = [1, 2, 3].map(|seed| random(seed, -3e-4, 3e-4));
+        let weights = [1e-2; BLOCK_LEN];
+        let stiffness = Uniform { by_family: [5.0, 4.0, 3.0] };
+        for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
+            for exact in [false, true] {
+                let run = |around: f32, damping: Option<f32>| {
+                    let velocity = [[around; HALO_LEN]; 3];
+                    let state = BlockState {
+                        step,
+                        displacement: displacement.each_ref(),
+                        velocity: velocity.each_ref(),
+                        known_force: None,
+                        dt_over_mass: &weights,
+                        ahead: &[],
+                    };
+                    let (arithmetic, mut work) = (Arithmetic::new(set, exact), Work::default());
+                    let mut out = [[0.25_f32; BLOCK_LEN]; 3];
+                    let fastest = match damping {
+                        None => kick(arithmetic, stiffness, Absent, Intact, state, &mut work, out.each_mut()),
+                        Some(damping) => {
+                            let damper = Uniform { by_family: [damping; 3] };
+                            kick(arithmetic, stiffness, damper, Intact, state, &mut work, out.each_mut())
+                        }
+                    };
+                    (fastest, out)
+                };
+                assert_eq!(run(f32::NAN, None), run(0.0, None), "{set:?}, exact {exact}");
+                assert_eq!(run(f32::NAN, Some(1e-3)).0, f32::INFINITY, "{set:?}, exact {exact}: dampers read them");
+            }
+        }
+    }
+
     #[test]
     fn every_volume_term_gives_the_bits_of_the_baseline() {
         let step = CellStep::new(3e-3, 1e-4);

@@ -39,6 +39,17 @@ pub struct Inelastic {
     pub tearing: Option<TearingTerm>,
 }
 
+impl Inelastic {
+    /// Bytes of its constants.
+    pub(crate) fn bytes(&self) -> usize {
+        let Self { relaxation, plasticity, tearing } = self;
+        let relaxation = relaxation.iter().flat_map(|term| [&term.stiffness, &term.rate]);
+        let plasticity = plasticity.iter().flat_map(|term| [&term.stiffness, &term.threshold, &term.rate]);
+        let tearing = tearing.iter().flat_map(|term| [&term.stiffness, &term.threshold]);
+        relaxation.chain(plasticity).chain(tearing).map(SpringConstants::bytes).sum()
+    }
+}
+
 /// Maxwell branches of all springs. The constants of a term are all sums over cells, or all means of ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RelaxationTerm {

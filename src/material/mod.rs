@@ -67,6 +67,14 @@ pub struct VolumeTerm {
 }
 
 impl SpringConstants {
+    /// Bytes of the values that are kept one by one.
+    pub(crate) fn bytes(&self) -> usize {
+        match self {
+            Self::Uniform(_) => 0,
+            Self::MeanOfEnds(values) | Self::SumOfCells { cell: values, .. } => 4 * values.len(),
+        }
+    }
+
     /// One value per particle whose mean over both ends is the constant of a spring.
     ///
     /// # Panics

@@ -6,6 +6,7 @@ mod parts;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod absent;
 mod drag;
 mod fibres;
 mod inelastic;

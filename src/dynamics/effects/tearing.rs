@@ -66,19 +66,26 @@ impl World {
     /// Severs every spring that is stretched beyond what it bears.
     pub(in crate::dynamics) fn tear(&mut self) {
         let Some(tearing) = &self.tearing else { return };
-        let torn: Vec<SeveredSpring> = (0..self.layout.blocks.len())
-            .into_par_iter()
-            .filter(|&block| tearing.tears[block])
-            .flat_map_iter(|block| {
-                let Worker { scratch, inner, .. } = &mut *self.workers.own();
-                let buffers = inner.get_or_insert_with(InnerScratch::new);
-                let mut torn = Vec::new();
-                if self.find_overstretched(tearing, block, scratch, buffers) {
-                    self.list(block, &buffers.found, &mut torn);
-                }
-                torn
-            })
-            .collect();
+        let blocks = (0..self.layout.blocks.len()).into_par_iter().filter(|&block| tearing.tears[block]);
+        let look = |block: usize, torn: Option<&mut Vec<SeveredSpring>>| {
+            let Worker { scratch, inner, .. } = &mut *self.workers.own();
+            let buffers = inner.get_or_insert_with(InnerScratch::new);
+            let some = self.find_overstretched(tearing, block, scratch, buffers);
+            if let Some(torn) = torn.filter(|_| some) {
+                self.list(block, &buffers.found, torn);
+            }
+            some
+        };
+        // Nothing tears in most steps, and then no list is made.
+        if !blocks.clone().any(|block| look(block, None)) {
+            return;
+        }
+        let list = |block: usize| {
+            let mut torn = Vec::new();
+            look(block, Some(&mut torn));
+            torn
+        };
+        let torn: Vec<SeveredSpring> = blocks.flat_map_iter(list).collect();
         let torn = self.sever(torn) as u64;
         if let Some(tearing) = &mut self.tearing {
             tearing.torn += torn;

@@ -95,6 +95,7 @@ use operators;
 #[cfg(test)]
 mod tests {
     use super::*;
+    #[cfg(target_arch = "x86_64")]
     use crate::kernel::dispatch::InstructionSet;
 
     /// Every operation, lane by lane, against the same in plain f32 or f64.
