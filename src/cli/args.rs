@@ -164,13 +164,15 @@ impl std::str::FromStr for FrameChoice {
                         yawara slice outputs/demo/run -o moved.png --axis z --at 0 --color displacement --tint 0.6\n  \
                         yawara slice outputs/demo/run -o all.png --axis z --montage 4x2 --from -60 --to 60\n  \
                         yawara slice outputs/demo/run -o 'cut_{frame}.png' --axis z --at 0 --frame all\n  \
+                        yawara slice outputs/demo/run -o cut.apng --axis z --at 0 --frame all --slow 10\n  \
                         yawara slice ct.nii.gz -o oblique.png --point 40,20,0 --normal 1,1,0\n\n\
                         Axial slices are seen from the feet, coronal ones from the front: the patient's right is on the \
                         left of the picture. Sagittal slices are seen from the left.")]
 pub(super) struct SliceArguments {
     /// NIfTI volume, an image or a label map, or run directory.
     pub(super) source: PathBuf,
-    /// PNG file to write; `{frame}` in its name stands for the number of each frame.
+    /// PNG file to write; `{frame}` in its name stands for the number of each frame. A name that ends in .apng is an animated PNG of all
+    /// frames, in a loop.
     #[arg(long, short)]
     pub(super) output: PathBuf,
     /// Axis across the slice: x sagittal, y coronal, z axial.
@@ -222,9 +224,12 @@ pub(super) struct SliceArguments {
     /// Strength of the tint, from 0 (grey) to 1.
     #[arg(long, default_value_t = 0.25, value_name = "SHARE")]
     pub(super) tint: f64,
-    /// Frame of a run: a number from 0, `last`, or `all` (one picture each; put {frame} into the name).
+    /// Frame of a run: a number from 0, `last`, or `all` (one picture each, with {frame} in the name, or one .apng).
     #[arg(long, default_value = "last", value_name = "N|last|all", allow_negative_numbers = true)]
     pub(super) frame: FrameChoice,
+    /// How many times slower than life an animation (.apng) plays: each frame is shown for this times the time [s] to the next one.
+    #[arg(long, default_value_t = 1.0, value_name = "X", allow_negative_numbers = true)]
+    pub(super) slow: f64,
     /// Show the volume at rest, not carried by the deformation of the run.
     #[arg(long)]
     pub(super) rest: bool,

@@ -15,6 +15,7 @@ mod mesh;
 mod messages;
 mod paint;
 mod phantom;
+mod pictures;
 mod progress;
 mod render;
 mod render_arguments;

@@ -1,19 +1,22 @@
 //! `yawara render`: pictures of runs and meshes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::bail;
+use image::{DynamicImage, RgbaImage};
 
 use super::exit::Outcome;
 use super::mesh::{frames_of, open};
 use super::messages::{Messages, out};
 use super::paint::frame as painted;
+use super::pictures::{Pictures, delays, is_animation};
 use super::progress;
 use super::render_arguments::{RenderArguments, StyleChoice};
-use super::source::{Source, expect_png};
+use super::source::Source;
 use super::surface::mesher;
+use crate::io::apng::write_apng;
 use crate::io::gltf::GltfReader;
-use crate::io::mesh_format::{FramePattern, MeshFormat};
+use crate::io::mesh_format::MeshFormat;
 use crate::io::png::write_png_rgba;
 use crate::render::annotate::annotate;
 use crate::render::camera::{Camera, Framing, Lens};
@@ -30,27 +33,33 @@ use crate::surface::mesh::{Finish, OrganMesh};
 const CLAY: [f32; 3] = [0.40, 0.37, 0.34];
 
 pub(super) fn render(arguments: &RenderArguments, messages: &Messages) -> anyhow::Result<Outcome> {
-    expect_png(&arguments.output)?;
-    let pattern = FramePattern::parse(&arguments.output)?;
+    is_animation(&arguments.output)?;
     let mut subject = Subject::open(arguments, messages)?;
     let count = subject.frames();
     let what = if matches!(subject, Subject::File { .. }) { "the mesh" } else { "the run" };
     let numbers = frames_of(arguments.frame, count, &arguments.source, what)?;
-    if pattern.is_none() && numbers.len() > 1 {
-        bail!(
-            "{}: {} frames need {1} names: put {{frame}} into the file name, as in picture_{{frame}}.png",
-            arguments.output.display(),
-            numbers.len()
-        );
-    }
+    let pictures = Pictures::of(&arguments.output, numbers.len())?;
     let camera = camera(arguments, &mut subject, &numbers, count - 1)?;
     let bar = progress::bar(messages, "frames", numbers.len() as u64);
     let mut written = Vec::new();
-    for &number in &numbers {
-        let path = pattern.as_ref().map_or_else(|| arguments.output.clone(), |names| names.path(number, count - 1));
-        draw_one(arguments, &subject.frame(number)?, &camera, &path)?;
-        written.push(path);
-        bar.inc(1);
+    if let Pictures::Animation(path) = &pictures {
+        let times: Vec<f64> = numbers.iter().filter_map(|&number| subject.time(number)).collect();
+        let delays = delays(path, &times, arguments.slow)?;
+        // With an alpha channel or without, but all frames alike.
+        let transparent = arguments.background == Background::Transparent;
+        write_apng(path, &delays, None, |at| {
+            let picture = DynamicImage::from(draw_one(arguments, &subject.frame(numbers[at])?, &camera)?);
+            bar.inc(1);
+            anyhow::Ok(if transparent { picture } else { picture.to_rgb8().into() })
+        })?;
+        written.push(path.clone());
+    } else {
+        for &number in &numbers {
+            let path = pictures.path(number, count - 1);
+            write_png_rgba(&path, draw_one(arguments, &subject.frame(number)?, &camera)?)?;
+            written.push(path);
+            bar.inc(1);
+        }
     }
     bar.finish_and_clear();
     for path in written {
@@ -78,7 +87,7 @@ fn camera(
     Ok(framing.camera(&lens)?)
 }
 
-fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera, path: &Path) -> anyhow::Result<()> {
+fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera) -> anyhow::Result<RgbaImage> {
     let lines = match arguments.style {
         StyleChoice::Surface => Lines::None,
         StyleChoice::Voxels => Lines::Quads,
@@ -88,8 +97,7 @@ fn draw_one(arguments: &RenderArguments, organs: &[OrganMesh], camera: &Camera, 
     let look = Look { background, lines, occlusion: !arguments.no_occlusion, clip: arguments.clip_plane() };
     let picture = draw(organs, camera, &look)?;
     let letters = !arguments.plain && background != Background::Transparent;
-    let picture = if letters { annotate(picture, camera, background) } else { picture };
-    Ok(write_png_rgba(path, picture)?)
+    Ok(if letters { annotate(picture, camera, background) } else { picture })
 }
 
 /// What is drawn, frame by frame.
@@ -151,6 +159,16 @@ impl Subject {
             Self::Voxels { reader, .. } => reader.frames(),
             Self::File { kind: FileKind::Animation(reader), .. } => reader.frames(),
             Self::File { .. } => 1,
+        }
+    }
+
+    /// Time of a frame [s].
+    fn time(&self, number: usize) -> Option<f64> {
+        match self {
+            Self::Surfaces { mesher, .. } => mesher.reader().times().get(number).copied(),
+            Self::Voxels { reader, .. } => reader.times().get(number).copied(),
+            Self::File { kind: FileKind::Animation(reader), .. } => reader.time(number),
+            Self::File { .. } => None,
         }
     }
 

@@ -17,6 +17,7 @@ use crate::scene::color;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  yawara render outputs/demo/run -o liver.png --organ liver\n  \
                         yawara render outputs/demo/run -o 'liver_{frame}.png' --frame all --view anterior\n  \
+                        yawara render outputs/demo/run -o liver.apng --frame all --slow 10\n  \
                         yawara render outputs/fig3 -o cubes.png --style voxels --plain\n  \
                         yawara render liver.stl -o section.png --clip 0,40,0,0,1,0\n\n\
                         In the anterior view the patient's right is on the left of the picture; from above and below the \
@@ -24,12 +25,16 @@ use crate::scene::color;
 pub(super) struct RenderArguments {
     /// Run directory, or mesh (.stl, .ply, .glb).
     pub(super) source: PathBuf,
-    /// PNG file to write; `{frame}` in its name stands for the number of each frame.
+    /// PNG file to write; `{frame}` in its name stands for the number of each frame. A name that ends in .apng is an animated PNG of all
+    /// frames, in a loop.
     #[arg(long, short)]
     pub(super) output: PathBuf,
-    /// Which frame of a run or an animation: a number from 0, `last`, or `all` (numbered files).
+    /// Which frame of a run or an animation: a number from 0, `last`, or `all` (numbered files, or one .apng).
     #[arg(long, default_value = "last", value_name = "N|last|all", allow_negative_numbers = true)]
     pub(super) frame: FrameChoice,
+    /// How many times slower than life an animation (.apng) plays: each frame is shown for this times the time [s] to the next one.
+    #[arg(long, default_value_t = 1.0, value_name = "X", allow_negative_numbers = true)]
+    pub(super) slow: f64,
     /// Organ to draw, by its name; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     pub(super) organ: Vec<String>,

@@ -3,17 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use image::RgbImage;
+use image::{DynamicImage, RgbImage};
 
 use super::args::{FrameChoice, SliceArguments, SliceColor};
 use super::exit::Outcome;
 use super::mesh::{frames, open};
 use super::messages::{Messages, out};
+use super::pictures::{Pictures, delays, is_animation};
 use super::progress;
-use super::source::{Source, expect_png, label_map};
+use super::source::{Source, label_map};
 use super::surface::mesher;
 use crate::geometry::{Grid, Point3, Vector3};
-use crate::io::mesh_format::FramePattern;
+use crate::io::apng::write_apng;
 use crate::io::nifti::{read_ct, read_info, read_labels};
 use crate::io::png::write_png;
 use crate::lattice::Lattice;
@@ -33,9 +34,13 @@ pub(super) fn slice(arguments: &SliceArguments, messages: &Messages) -> anyhow::
     if !(0.0..=1.0).contains(&arguments.tint) {
         bail!("--tint is {}, expected a share from 0 (grey) to 1", arguments.tint);
     }
-    expect_png(&arguments.output)?;
+    let animated = is_animation(&arguments.output)?;
     let written = match Source::of(&arguments.source)? {
         Source::Run => of_run(arguments, messages)?,
+        Source::Volume if animated => bail!(
+            "{}: a volume has no frames that could follow each other; end the name in .png",
+            arguments.output.display()
+        ),
         Source::Volume => of_volume(arguments)?,
         other => return Err(other.refuse(&arguments.source, "a volume (NIfTI) or a run directory")),
     };
@@ -80,25 +85,29 @@ fn of_run(arguments: &SliceArguments, messages: &Messages) -> anyhow::Result<Vec
     if arguments.rest && is_value(arguments.color) {
         bail!("--color displacement and strain show tissue that has moved; leave out --rest");
     }
-    let pattern = FramePattern::parse(&arguments.output)?;
     let numbers = frames(arguments.frame, &open(&arguments.source, messages)?)?;
-    if numbers.len() > 1 && pattern.is_none() {
-        bail!(
-            "--frame all: {} frames do not fit into {}; put {{frame}} into its name, such as slice_{{frame}}.png",
-            numbers.len(),
-            arguments.output.display()
-        );
-    }
+    let pictures = Pictures::of(&arguments.output, numbers.len())?;
     let mut run = SlicedRun::open(arguments, &numbers, messages)?;
     let bar = progress::bar(messages, "frames", numbers.len() as u64);
     let last = run.mesher.reader().frames().saturating_sub(1);
     let mut written = Vec::new();
-    for &number in &numbers {
-        let panels = run.frame(arguments, number)?;
-        let path = pattern.as_ref().map_or_else(|| arguments.output.clone(), |pattern| pattern.path(number, last));
-        write(arguments, &path, panels, &run.rasters[0])?;
-        written.push(path);
-        bar.inc(1);
+    if let Pictures::Animation(path) = &pictures {
+        let times: Vec<f64> = numbers.iter().map(|&number| run.mesher.reader().times()[number]).collect();
+        let (delays, pixel_mm) = (delays(path, &times, arguments.slow)?, run.rasters[0].pixel_mm());
+        write_apng(path, &delays, Some(pixel_mm), |at| {
+            let panels = run.frame(arguments, numbers[at])?;
+            bar.inc(1);
+            compose(arguments, panels).map(DynamicImage::from)
+        })?;
+        written.push(path.clone());
+    } else {
+        for &number in &numbers {
+            let panels = run.frame(arguments, number)?;
+            let path = pictures.path(number, last);
+            write(arguments, &path, panels, &run.rasters[0])?;
+            written.push(path);
+            bar.inc(1);
+        }
     }
     bar.finish_and_clear();
     Ok(written)
@@ -232,16 +241,20 @@ fn base<'a>(image: &'a Option<CtVolume>, labels: &'a Option<LabelVolume>) -> any
 }
 
 /// Writes the slices of one frame as one picture.
-fn write(arguments: &SliceArguments, path: &Path, mut panels: Vec<RgbImage>, raster: &Raster) -> anyhow::Result<()> {
+fn write(arguments: &SliceArguments, path: &Path, panels: Vec<RgbImage>, raster: &Raster) -> anyhow::Result<()> {
+    Ok(write_png(path, &compose(arguments, panels)?, Some(raster.pixel_mm()))?)
+}
+
+/// The slices of one frame in one picture.
+fn compose(arguments: &SliceArguments, mut panels: Vec<RgbImage>) -> anyhow::Result<RgbImage> {
     let columns = match arguments.montage {
         Some([columns, _]) => columns,
         None => (panels.len() as f64).sqrt().ceil() as usize,
     };
-    let picture = match panels.len() {
-        1 => panels.remove(0),
-        _ => montage(&panels, columns).context("the montage is too large; take fewer slices or larger pixels")?,
-    };
-    Ok(write_png(path, &picture, Some(raster.pixel_mm()))?)
+    match panels.len() {
+        1 => Ok(panels.remove(0)),
+        _ => montage(&panels, columns).context("the montage is too large; take fewer slices or larger pixels"),
+    }
 }
 
 /// The planes asked for.
@@ -320,6 +333,7 @@ pub(super) fn of_run_at(
         labels: None,
         tint: 0.25,
         frame,
+        slow: 1.0,
         rest: false,
         no_contour: false,
         plain: false,

@@ -1,5 +1,6 @@
 //! Files: one format per module. Nothing here simulates.
 
+pub mod apng;
 pub mod atomic;
 mod encode;
 pub mod gltf;

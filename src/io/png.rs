@@ -38,6 +38,14 @@ pub enum WritePngError {
         /// What the encoder said.
         source: image::ImageError,
     },
+    /// The frames do not make an animation.
+    #[error("{}: the frames could not be encoded as one animation: {source}", path.display())]
+    Animation {
+        /// The file asked for.
+        path: PathBuf,
+        /// What the encoder said.
+        source: png::EncodingError,
+    },
     /// The operating system refused.
     #[error("{}: could not write the picture: {source}", path.display())]
     Io {

@@ -1,6 +1,7 @@
 //! The program itself, run in an empty folder: help, exit codes, messages, and what it leaves on disk.
 
 mod accuracy;
+mod animated;
 mod bad_input;
 mod bad_output;
 mod help;

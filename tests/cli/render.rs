@@ -73,7 +73,10 @@ fn what_cannot_be_drawn_is_refused() {
         (&["m.stl", "-o", "a.png", "--frame", "3"], &["no frame 3", "0 to 0"]),
         (&["m.stl", "-o", "a.png", "--organ", "liver"], &["`liver`", "there are m"]),
         (&["run", "-o", "a.png", "--frame", "5"], &["no frame 5", "0 to 4"]),
-        (&["run", "-o", "a.png", "--frame", "all"], &["5 frames need 5 names", "{frame}"]),
+        (
+            &["run", "-o", "a.png", "--frame", "all"],
+            &["5 frames do not fit into one picture", "a_{frame}.png", ".apng"],
+        ),
         (&["run", "-o", "a_{step}.png"], &["{step}", "{frame}"]),
         (&["run", "-o", "a.png", "--organ", "liver"], &["`liver`", "cube"]),
         (&["run", "-o", "a.png", "--organ", "liver", "--style", "voxels"], &["`liver`", "cube"]),
