@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::junction::LIP_SHIFT;
+use super::junction::{LIP_SHIFT, NearBlade};
 use super::marching_cubes::sweep::CLEARANCE;
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::{Lattice, SeveredSpring, neighbours};
@@ -21,9 +21,22 @@ const SPREAD: f64 = 0.15;
 
 /// The blade near one particle, relative to it: `normal . x = offset` [pitches along the grid axes].
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct BladePlane {
+pub(crate) struct BladePlane {
     normal: Vector3,
     offset: f64,
+}
+
+impl BladePlane {
+    /// The same just on the particle's side of the blade, by steps along two axes, each with its direction, and up along the third.
+    pub(crate) fn seen_along(&self, ways: [(usize, bool); 2]) -> NearBlade {
+        let side = self.offset.signum();
+        let rate = |(axis, upward): (usize, bool)| (side * self.normal[axis] * if upward { 1.0 } else { -1.0 }) as f32;
+        let third = 3 - ways[0].0 - ways[1].0;
+        NearBlade {
+            normal: [rate(ways[0]), rate(ways[1]), rate((third, true))],
+            offset: (self.offset.abs() as f32 - LIP_SHIFT).max(0.0),
+        }
+    }
 }
 
 /// Places of the blade on edges and near particles.
@@ -97,6 +110,33 @@ impl Blades {
         let rate = plane.normal[axis] * if upward { 1.0 } else { -1.0 };
         let reach = plane.offset / rate;
         if reach >= 0.0 && reach < f64::from(t) { (reach as f32 - LIP_SHIFT).max(CLEARANCE) } else { t }
+    }
+
+    /// Particles the blade came near, and those next to them, ascending.
+    pub(crate) fn particles(&self, lattice: &Lattice, alive: &[u32]) -> Vec<u32> {
+        let linked = |particle: u32| {
+            let living = (0..neighbours::NEIGHBOURS).filter(move |d| alive[particle as usize] >> d & 1 == 1);
+            living.filter_map(move |direction| lattice.neighbour(particle, direction)).chain([particle])
+        };
+        let mut particles: Vec<u32> = self.planes.par_iter().flat_map_iter(|plane| linked(plane.0)).collect();
+        particles.par_sort_unstable();
+        particles.dedup();
+        particles
+    }
+
+    /// The plane of the blade near a particle, or that of a particle it is linked with, when both lie on one side of it.
+    pub(crate) fn near(&self, lattice: &Lattice, alive: &[u32], particle: u32) -> Option<BladePlane> {
+        let own = self.plane(particle).copied();
+        own.or_else(|| {
+            let living = (0..neighbours::NEIGHBOURS).filter(|direction| alive[particle as usize] >> direction & 1 == 1);
+            let mut living: Vec<usize> = living.collect();
+            living.sort_by_key(|&direction| neighbours::family(direction));
+            living.into_iter().find_map(|direction| {
+                let BladePlane { normal, offset } = *self.plane(lattice.neighbour(particle, direction)?)?;
+                let shifted = offset + normal.dot(&Vector3::from(neighbours::OFFSETS[direction].map(f64::from)));
+                (shifted * offset > 0.0).then_some(BladePlane { normal, offset: shifted })
+            })
+        })
     }
 
     /// How far the blade moves along `axis` per step up along `across`, near the two ends of an edge; 0 where it is unknown

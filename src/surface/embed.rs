@@ -5,7 +5,7 @@
 //! | skin, the outside end a linked particle | both ends, interpolated |
 //! | skin towards air; lip of a cut | its particle p: `u_p + t (F_p - 1)(X_q - X_p)`, see [`super::gradient`] |
 //! | crack front | the corners of its face that hold together |
-//! | rim | its particle p, along the cut edge and along the skin edge as those crossings move |
+//! | rim | its particle p, along the cut edge and along the skin edge as those crossings move; where it lies off their face, aside too |
 //! | centre of a loop | the mean of the loop |
 //!
 //! All of them reproduce a homogeneous deformation. Displacements are combined and added to the rest place in f64,
@@ -56,12 +56,14 @@ pub(crate) struct Front {
     pub(crate) weights: [f32; 4],
 }
 
-/// A rim: two legs from a particle, along the cut edge and along the edge to the outside.
+/// A rim: legs from a particle, along the cut edge, along the edge to the outside, and a little along the third axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Rim {
-    /// Along the cut edge, signed steps; always by the gradient.
+    /// Along the cut edge and along the third axis, signed steps; always by the gradient.
     pub(crate) lip_axis: u8,
     pub(crate) lip: f32,
+    pub(crate) aside_axis: u8,
+    pub(crate) aside: f32,
     pub(crate) particle: u32,
     pub(crate) gradient: u32,
     /// Along the edge to the outside.
@@ -171,8 +173,9 @@ impl Frame<'_> {
             Carrier::Rim { index } => {
                 let rim = &self.embedding.rims[index as usize];
                 let skin = self.displacement(&rim.skin);
-                let step = self.gradients[rim.gradient as usize][usize::from(rim.lip_axis)];
-                [0, 1, 2].map(|axis| skin[axis] + rim.lip * step[axis])
+                let gradient = &self.gradients[rim.gradient as usize];
+                let [lip, aside] = [rim.lip_axis, rim.aside_axis].map(|axis| gradient[usize::from(axis)]);
+                [0, 1, 2].map(|axis| skin[axis] + rim.lip * lip[axis] + rim.aside * aside[axis])
             }
             // Filled in afterwards, from the vertices of its loop.
             Carrier::Centre { .. } => [0.0; 3],

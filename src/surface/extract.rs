@@ -6,11 +6,13 @@ use super::SurfaceError;
 use super::blade::Blades;
 use super::embed::{Carrier, Embedding, Front, Rim, Vertex};
 use super::gradient::Gradients;
+use super::junction::RimCrossing;
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::sweep::{self, Crossing, Numbering};
 use super::mesh::TriangleMesh;
 use super::normals::{Layers, Sheet, vertex_normals};
-use super::seam::{Seam, SeamEdge};
+use super::rim;
+use super::seam::{Seam, SeamEdge, edge_key, point_of_key, refuse};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology, neighbours};
 
 /// A closed surface round the tissue of a lattice, with both faces of every cut, and what moves each of its vertices.
@@ -49,15 +51,22 @@ impl Surface {
         }
         let bits = InsideBits::new(shape, field, Some(&lattice.particle_at));
         let blades = Blades::new(lattice, topology.severed());
-        let seam = Seam::find(lattice, topology, &blades, &bits, field);
+        let mut seam = Seam::find(lattice, topology, &blades, &bits, field);
         let numbering = Numbering::new(&bits, &seam)?;
-        let crossings = Crossings { lattice, alive: topology.alive(), blades: &blades };
-        let vertices = sweep::crossing_values(&bits, field, &numbering, |crossing| crossings.vertex(crossing));
         let drawn = sweep::triangles(&bits, &seam, &numbering, lattice.grid.affine.determinant() < 0.0)?;
-        let mut embedding = Embedding { vertices, ..Embedding::default() };
-        for (edge, &first) in seam.edges.iter().zip(&numbering.seam_edges) {
-            crossings.add_seam_edge(edge, first as usize, &mut embedding);
-        }
+        let mut embedding = loop {
+            let crossings =
+                Crossings { lattice, alive: topology.alive(), blades: &blades, rim_crossings: &seam.rim_crossings };
+            let vertices = sweep::crossing_values(&bits, field, &numbering, |crossing| crossings.vertex(crossing));
+            let mut embedding = Embedding { vertices, rims: crossings.rims(), ..Embedding::default() };
+            for (edge, &first) in seam.edges.iter().zip(&numbering.seam_edges) {
+                crossings.add_seam_edge(edge, first as usize, &mut embedding);
+            }
+            let crowded = rim::crowded(&embedding, &drawn.triangles, lattice.pitch * 1e3);
+            if crowded.is_empty() || !refuse(&crowded, &mut seam.edges, &mut seam.rim_crossings) {
+                break embedding;
+            }
+        };
         let centres = seam
             .cells
             .iter()
@@ -176,6 +185,7 @@ pub(super) struct Crossings<'a> {
     pub(super) lattice: &'a Lattice,
     pub(super) alive: &'a [u32],
     pub(super) blades: &'a Blades,
+    pub(super) rim_crossings: &'a [RimCrossing],
 }
 
 /// Gradients are numbered once all vertices are known.
@@ -186,6 +196,15 @@ impl Crossings<'_> {
         let mut inside = crossing.low.map(|i| i as i64 - 1);
         inside[crossing.axis] += i64::from(!crossing.upward);
         let particle = self.particle(inside).unwrap_or(0);
+        if let Some(index) = self.rim_crossing(crossing.low, crossing.axis) {
+            let rim = &self.rim_crossings[index];
+            return Vertex {
+                rest: self.place(inside, &rim.steps()),
+                carrier: Carrier::Rim { index: index as u32 },
+                organ: self.lattice.organ[particle as usize],
+                sheet: Sheet::Skin,
+            };
+        }
         let whole = self.alive[particle as usize] == self.lattice.springs[particle as usize];
         let t =
             if whole { crossing.t } else { self.blades.limit(particle, crossing.axis, crossing.upward, crossing.t) };
@@ -197,6 +216,30 @@ impl Crossings<'_> {
             organ: self.lattice.organ[particle as usize],
             sheet: Sheet::Skin,
         }
+    }
+
+    /// The place among the rim crossings of a crossing by padded indices.
+    fn rim_crossing(&self, low: [usize; 3], axis: usize) -> Option<usize> {
+        if self.rim_crossings.is_empty() {
+            return None;
+        }
+        let edge = edge_key(self.lattice.grid.shape, low.map(|i| i as i64), axis as u8);
+        self.rim_crossings.binary_search_by_key(&edge, |rim| rim.edge).ok()
+    }
+
+    /// What carries the rim crossings, in their order: the first rims of an embedding.
+    pub(super) fn rims(&self) -> Vec<Rim> {
+        let rim = |rim: &RimCrossing| {
+            let (low, axis) = (point_of_key(self.lattice.grid.shape, rim.edge / 3), (rim.edge % 3) as usize);
+            let low = low.map(|i| i - 1);
+            let mut inside = low;
+            inside[axis] += i64::from(!rim.upward);
+            let particle = self.particle(inside).unwrap_or(0);
+            let [(_, lip), (across, step), (aside_axis, aside)] = rim.steps();
+            let skin = self.carrier(particle, inside, across, step >= 0.0, step.abs());
+            Rim { lip_axis: axis as u8, lip, aside_axis: aside_axis as u8, aside, particle, gradient: NOT_YET, skin }
+        };
+        self.rim_crossings.iter().map(rim).collect()
     }
 
     /// From a particle towards its neighbour along an axis: between both where they are linked, else beyond the particle.
@@ -265,16 +308,19 @@ impl Crossings<'_> {
             let (particle, ijk) = (edge.ends[end], ends[end]);
             let (lip, skin) = (signed(rim.at[0], end == 0), signed(rim.at[1], rim.skin_upward));
             let skin_axis = usize::from(rim.skin_axis);
+            let aside_axis = 3 - axis - skin_axis;
             let index = embedding.rims.len() as u32;
             embedding.rims.push(Rim {
                 lip_axis: edge.axis,
                 lip,
+                aside_axis: aside_axis as u8,
+                aside: rim.at[2],
                 particle,
                 gradient: NOT_YET,
                 skin: self.carrier(particle, ijk, skin_axis, rim.skin_upward, rim.at[1]),
             });
             embedding.vertices[at] = Vertex {
-                rest: self.place(ijk, &[(axis, lip), (skin_axis, skin)]),
+                rest: self.place(ijk, &[(axis, lip), (skin_axis, skin), (aside_axis, rim.at[2])]),
                 carrier: Carrier::Rim { index },
                 organ: organ(particle),
                 sheet: Sheet::Rim,
@@ -287,6 +333,9 @@ impl Crossings<'_> {
 fn signed(t: f32, upward: bool) -> f32 {
     if upward { t } else { -t }
 }
+
+/// How many more times than others the places on the rim of a cut count in the centre of a loop.
+const RIM_SHARE: usize = 8;
 
 /// Fills in the centres of loops: a fan names its ring vertex first, so the triangles round a centre list its loop.
 fn add_centres(embedding: &mut Embedding, centres: impl Iterator<Item = u32>, triangles: &[[u32; 3]]) {
@@ -305,6 +354,13 @@ fn add_centres(embedding: &mut Embedding, centres: impl Iterator<Item = u32>, tr
     let mut centres: Vec<(u32, Vec<u32>)> =
         index.iter().map(|(&vertex, &at)| (vertex, std::mem::take(&mut rings[at as usize]))).collect();
     centres.sort_unstable_by_key(|centre| centre.0);
+    for (_, ring) in &mut centres {
+        // A loop over the rim bends there: its places on the rim count for most.
+        let sheet = |&at: &u32| embedding.vertices[at as usize].sheet;
+        let bends = ring.iter().any(|at| sheet(at) == Sheet::Skin);
+        let rims: Vec<u32> = ring.iter().copied().filter(|at| bends && sheet(at) == Sheet::Rim).collect();
+        (0..RIM_SHARE).for_each(|_| ring.extend(&rims));
+    }
     for (at, (centre, ring)) in centres.iter().enumerate() {
         let mut rest = [0.0_f64; 3];
         for &vertex in ring {

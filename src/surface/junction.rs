@@ -1,6 +1,8 @@
 //! Vertices inside a face: where a blade ended (crack front) and where a cut meets the skin (rim).
 //!
-//! Both lie where nothing else in their face can cross the way to them, so that a clean blade leaves clean lips.
+//! Fronts lie where nothing else in their face can cross the way to them. Rims lie where blade and skin meet, in their face if that
+//! is there, else near it: the skin goes on a little beyond the last inside point on either side of the blade. Only places are
+//! chosen here; which vertices there are and how they are joined is decided before.
 
 use super::marching_cubes::face::Face;
 use super::marching_cubes::sweep::CLEARANCE;
@@ -12,6 +14,10 @@ pub(crate) const LIP_SHIFT: f32 = 0.001;
 /// Where a crack front lies behind its edge, as a fraction of the face: by the number of dead diagonals, since the blade
 /// has passed each diagonal it severed.
 pub(crate) const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
+
+/// How far from a known place of the skin blade and skin may meet [pitches]: the skin goes on a little beyond the last particle on its side of the
+/// blade, but how is not known for long.
+const FARTHEST: f32 = 1.5;
 
 /// A crack front as a combination of the corners of its face that hold together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,8 +37,39 @@ pub(crate) struct RimPlace {
     pub(crate) skin_axis: u8,
     /// True when the outside end is the upper one.
     pub(crate) skin_upward: bool,
-    /// Fractions of the cut edge and of the edge to the outside, from the corner.
-    pub(crate) at: [f32; 2],
+    /// Steps along the cut edge, along the edge to the outside, and up along the third axis, from the corner.
+    pub(crate) at: [f32; 3],
+    /// The same without what is known of blade and skin beyond the corner: where it goes when there is no room for it.
+    pub(crate) plain: [f32; 3],
+}
+
+/// A crossing of the skin beside a cut, drawn along the skin to where the blade meets it.
+///
+/// A face with three corners inside has a rim on one side of the blade only. On the other the way from the lip leads straight to a
+/// crossing of the edge that faces the cut one: left where it is, the rim would have a tooth there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct RimCrossing {
+    /// The edge it crosses, as in [`super::seam::edge_key`].
+    pub(crate) edge: u64,
+    /// Whether the outside lies at its upper end.
+    pub(crate) upward: bool,
+    /// The axis across that edge, and whether the cut edge lies upward.
+    pub(crate) across: u8,
+    pub(crate) across_upward: bool,
+    /// Steps along its edge, across, and up along the third axis, from the inside end.
+    pub(crate) at: [f32; 3],
+    /// Squared distance from where it was [pitches].
+    pub(crate) moved: f32,
+}
+
+impl RimCrossing {
+    /// Signed steps from the inside end, along the axis of its edge, across, and along the third.
+    pub(crate) fn steps(&self) -> [(usize, f32); 3] {
+        let (axis, across) = ((self.edge % 3) as usize, usize::from(self.across));
+        let signed = |t: f32, upward: bool| if upward { t } else { -t };
+        let [along, over, aside] = self.at;
+        [(axis, signed(along, self.upward)), (across, signed(over, self.across_upward)), (3 - axis - across, aside)]
+    }
 }
 
 /// A crack front behind ring edge `m`, the blade at the fraction `at` of it from ring corner `m`.
@@ -68,28 +105,79 @@ pub(crate) enum Beyond {
     Sheet(f32),
 }
 
-/// Place of a rim, as fractions of the cut edge and of the edge to the outside from their corner: where blade and skin would meet,
-/// drawn back towards the straight way between lip and skin as far as needed to stay clear of what lies beyond.
-pub(crate) fn rim_at(lips: [f32; 2], end: u8, skin: f32, slope: f32, beyond: Beyond) -> [f32; 2] {
-    let (lip, other) = (lips[usize::from(end)], 1.0 - lips[usize::from(end ^ 1)]);
-    // Distance of the blade from this corner at the height of the skin. Where it has passed the corner's own edge by then, the rim
-    // lies where it does so; where it has passed the far edge, the skin ends there.
-    let slope = if end == 0 { slope } else { -slope };
-    let mut meeting = (lip + slope * skin).min(1.0 - CLEARANCE - 2.0 * LIP_SHIFT);
-    let mut skin = skin;
-    if meeting < CLEARANCE {
-        skin = ((CLEARANCE - lip) / slope).clamp(CLEARANCE.min(skin), skin);
-        meeting = CLEARANCE;
+/// A blade near an inside point, where `normal . (x, y, z) = offset`, not negative: steps from the point along an edge, across it in
+/// a face, and aside.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NearBlade {
+    pub(crate) normal: [f32; 3],
+    pub(crate) offset: f32,
+}
+
+impl NearBlade {
+    /// How far a place lies beyond the blade, by the length of the normal.
+    pub(crate) fn past(&self, place: [f32; 3]) -> f32 {
+        dot(self.normal, place) - self.offset
     }
+
+    /// Where it meets the skin in the face, between the two places where the skin enters the face.
+    pub(crate) fn meets(&self, skin: [[f32; 2]; 2]) -> Option<[f32; 3]> {
+        let past = skin.map(|[x, y]| self.past([x, y, 0.0]));
+        let share = past[0] / (past[0] - past[1]);
+        if !(0.0..=1.0).contains(&share) {
+            return None;
+        }
+        // Both places are vertices of their own.
+        let share = share.clamp(CLEARANCE, 1.0 - CLEARANCE);
+        let at = |n: usize| skin[0][n] + share * (skin[1][n] - skin[0][n]);
+        Some([at(0).max(CLEARANCE), at(1), 0.0])
+    }
+
+    /// Where it meets the skin nearest to a place of the skin with its normal.
+    pub(crate) fn meets_near(&self, place: [f32; 3], normal: [f32; 3]) -> Option<[f32; 3]> {
+        let share = dot(self.normal, normal) / dot(normal, normal);
+        let way = [0, 1, 2].map(|n| self.normal[n] - share * normal[n]);
+        let far = -self.past(place) / dot(self.normal, way);
+        let step = way.map(|c| c * far);
+        let at = [0, 1, 2].map(|n| place[n] + step[n]);
+        (dot(step, step) <= FARTHEST * FARTHEST && at[0] >= CLEARANCE).then_some(at)
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Place of a rim, as fractions of the cut edge and of the edge to the outside from their corner: where blade and skin meet,
+/// drawn back towards the straight way between lip and skin as far as needed to stay clear of what lies beyond.
+///
+/// - `skin`: where the skin crosses the edge to the outside, before the blade; `met`: where blade and skin meet, if they do.
+pub(crate) fn rim_at(
+    lips: [f32; 2],
+    end: u8,
+    skin: f32,
+    slope: f32,
+    met: Option<[f32; 3]>,
+    beyond: Beyond,
+) -> [f32; 3] {
+    let (lip, other) = (lips[usize::from(end)], 1.0 - lips[usize::from(end ^ 1)]);
+    let [x, y, z] = met.unwrap_or_else(|| {
+        // The blade at the height of the skin. Where it has passed the corner's own edge by then, the rim lies where it does so;
+        // where it has passed the far edge, the skin ends there.
+        let at = (lip + slope * skin).min(1.0 - CLEARANCE - 2.0 * LIP_SHIFT);
+        if at >= CLEARANCE {
+            return [at, skin, 0.0];
+        }
+        [CLEARANCE, ((CLEARANCE - lip) / slope).clamp(CLEARANCE.min(skin), skin), 0.0]
+    });
     // A line the rim stays on the near side of: through (from, 0) and (to, 1).
     let (from, to) = match beyond {
-        Beyond::Nothing => return [meeting, skin],
+        Beyond::Nothing => return [x, y, z],
         Beyond::Corner => (1.0, 0.0),
         Beyond::Sheet(to) => (other, to),
     };
     let distance = |x: f32, y: f32| x - (from + y * (to - from));
-    let (middle, full) = (distance(lip / 2.0, skin / 2.0), distance(meeting, skin));
-    let reach = if full <= middle / 2.0 { 1.0 } else { (-middle / 2.0) / (full - middle) };
+    let (middle, full) = (distance(lip / 2.0, skin / 2.0), distance(x, y));
+    let reach = if full <= -LIP_SHIFT { 1.0 } else { (-middle / 2.0) / (full - middle) };
     let reach = reach.clamp(0.0, 1.0);
-    [lip / 2.0 + reach * (meeting - lip / 2.0), skin * (0.5 + 0.5 * reach)]
+    [lip / 2.0 + reach * (x - lip / 2.0), skin / 2.0 + reach * (y - skin / 2.0), reach * z]
 }

@@ -24,6 +24,7 @@ mod junction;
 mod marching_cubes;
 pub mod mesh;
 mod normals;
+mod rim;
 mod seam;
 pub mod smooth;
 pub mod weld;

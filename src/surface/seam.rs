@@ -6,18 +6,19 @@
 //! seam edges                                dead edges whose ends some face parts; a lone broken spring parts nothing
 //! per seam edge                             two lips, a crack front for every face that keeps its ends together,
 //!                                           a rim for every lip that meets the skin beside its corner
+//! rim crossings                             crossings of the skin beside a cut or beyond the blade, drawn along the skin to the rim
 //! ```
 //! Body diagonals never matter: the surface is decided face by face.
 
 use rayon::prelude::*;
 
 use super::blade::Blades;
-use super::junction::{Beyond, FrontPlace, LIP_SHIFT, RimPlace, front_place, rim_at};
+use super::junction::{Beyond, FrontPlace, LIP_SHIFT, NearBlade, RimCrossing, RimPlace, front_place, rim_at};
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::cell::{Cell, Patch};
 use super::marching_cubes::cube::{EDGES, RINGS, corner_offset};
 use super::marching_cubes::face::{Between, Face};
-use super::marching_cubes::sweep::{CLEARANCE, crossing_at};
+use super::marching_cubes::sweep::{CLEARANCE, Crossing, crossing_at};
 use crate::geometry::GridShape;
 use crate::lattice::{Lattice, Topology, neighbours};
 
@@ -97,6 +98,8 @@ pub(crate) struct CellState {
 pub(crate) struct Gaps {
     pub(crate) edges: Vec<SeamEdge>,
     pub(crate) cells: Vec<CellState>,
+    /// Ascending by their edges.
+    pub(crate) rim_crossings: Vec<RimCrossing>,
 }
 
 impl Gaps {
@@ -123,12 +126,39 @@ impl Gaps {
                 .map(|spring| edge_key(shape, spring.low, spring.axis()))
                 .collect(),
         );
-        let edges: Vec<SeamEdge> = keys.par_iter().map(|&key| tissue.seam_edge(key, &keys, values)).collect();
+        let (edges, found): (Vec<SeamEdge>, Vec<Vec<RimCrossing>>) =
+            keys.par_iter().map(|&key| tissue.seam_edge(key, &keys, values)).unzip();
+        let passed = blades
+            .particles(lattice, topology.alive())
+            .into_par_iter()
+            .flat_map_iter(|particle| tissue.passed_crossings(particle, values));
+        let mut rim_crossings: Vec<RimCrossing> = found.into_par_iter().flatten().chain(passed).collect();
+        // Of several places on the rim the nearest.
+        rim_crossings.sort_by(|a, b| a.edge.cmp(&b.edge).then(a.moved.total_cmp(&b.moved)));
+        rim_crossings.dedup_by_key(|crossing| crossing.edge);
         debug_assert!(edges.iter().zip(&keys).all(|(edge, &key)| edge.key(shape) == key));
         let cell_keys = sorted(dead.par_iter().flat_map_iter(|spring| spring.cells(shape)).collect());
-        let cells = cell_keys.par_iter().map(|&key| tissue.cell_state(key, &keys)).collect();
-        Self { edges, cells }
+        let cells = cell_keys.par_iter().map(|&key| tissue.cell_state(key, &keys, &rim_crossings)).collect();
+        Self { edges, cells, rim_crossings }
     }
+}
+
+/// Puts rims, by their numbers in an embedding, where they are without what is known beyond their corners. False when all were.
+pub(super) fn refuse(rims: &[u32], edges: &mut [SeamEdge], rim_crossings: &mut Vec<RimCrossing>) -> bool {
+    let (mut changed, first) = (false, rim_crossings.len() as u32);
+    let mut numbered = (first..).zip(edges.iter_mut().flat_map(|edge| &mut edge.rims));
+    for &rim in rims.iter().filter(|&&rim| rim >= first) {
+        if let Some((_, place)) = numbered.find(|(number, _)| *number == rim) {
+            changed |= place.at != place.plain;
+            place.at = place.plain;
+        }
+    }
+    let mut number = 0;
+    rim_crossings.retain(|_| {
+        number += 1;
+        rims.binary_search(&(number - 1)).is_err()
+    });
+    changed || rim_crossings.len() < first as usize
 }
 
 /// Everything a set of severed springs changes.
@@ -138,6 +168,8 @@ pub(crate) struct Seam {
     pub(crate) edges: Vec<SeamEdge>,
     /// Ascending by layer, row and column.
     pub(crate) cells: Vec<SeamCell>,
+    /// As in [`Gaps`].
+    pub(crate) rim_crossings: Vec<RimCrossing>,
 }
 
 impl Seam {
@@ -154,10 +186,10 @@ impl Seam {
         bits: &InsideBits,
         values: &[f32],
     ) -> Self {
-        let Gaps { edges, cells } = Gaps::find(lattice, topology, blades, bits, values, None);
+        let Gaps { edges, cells, rim_crossings } = Gaps::find(lattice, topology, blades, bits, values, None);
         let drawn =
             |state: CellState| SeamCell { low: state.low, patch: state.cell.patch(), seam_edges: state.seam_edges };
-        Self { edges, cells: cells.into_par_iter().map(drawn).collect() }
+        Self { edges, cells: cells.into_par_iter().map(drawn).collect(), rim_crossings }
     }
 
     /// Seam edges that start in a padded layer.
@@ -330,7 +362,8 @@ impl Tissue<'_> {
         })
     }
 
-    fn seam_edge(&self, key: u64, keys: &[u64], values: &[f32]) -> SeamEdge {
+    /// The edge of that key, and crossings of the skin beside it that belong to its rims.
+    fn seam_edge(&self, key: u64, keys: &[u64], values: &[f32]) -> (SeamEdge, Vec<RimCrossing>) {
         let (low, axis) = (point_of_key(self.bits.shape, key / 3), (key % 3) as u8);
         let mut high = low;
         high[usize::from(axis)] += 1;
@@ -356,14 +389,22 @@ impl Tissue<'_> {
             front_slots: 0,
             rim_slots: 0,
         };
+        let mut rim_crossings = Vec::new();
         for slot in 0..4 {
-            self.add_face(&mut edge, slot, keys, values);
+            self.add_face(&mut edge, slot, keys, values, &mut rim_crossings);
         }
-        edge
+        (edge, rim_crossings)
     }
 
     /// Adds the crack front and the rims that a seam edge has in one of its faces.
-    fn add_face(&self, edge: &mut SeamEdge, slot: u8, keys: &[u64], values: &[f32]) {
+    fn add_face(
+        &self,
+        edge: &mut SeamEdge,
+        slot: u8,
+        keys: &[u64],
+        values: &[f32],
+        rim_crossings: &mut Vec<RimCrossing>,
+    ) {
         let (low, normal, m) = face_of_slot(edge.low.map(i64::from), edge.axis, slot);
         let (mut face, particles) = self.face(low, normal);
         for ring_edge in 0..4 {
@@ -371,6 +412,10 @@ impl Tissue<'_> {
             let cut = keys.binary_search(&edge_key(self.bits.shape, start, axis)).is_ok();
             face.cut |= u8::from(cut) << ring_edge;
         }
+        // Both edges across run the same way, from this edge to the one that faces it.
+        let (across, upward) = ((edge.axis + 1 + slot / 2) % 3, slot.is_multiple_of(2));
+        let third = 3 - edge.axis - across;
+        let upward_slopes = [across, third].map(|over| self.blades.slope(edge.ends, edge.axis.into(), over.into()));
         let mut rims = [None; 2];
         for contour in face.contours() {
             match face.between(contour) {
@@ -379,19 +424,49 @@ impl Tissue<'_> {
                     // From the ring corner m on: the ring runs against the axis on its second half.
                     let at = edge.lips[0] + LIP_SHIFT;
                     edge.fronts.push(front_place(face, particles, m, if m < 2 { at } else { 1.0 - at }));
+                    continue;
                 }
-                Some(Between::Rim { lip, skin }) if usize::from(lip.edge) == m => {
-                    // On the first half of the ring, the corner m is the lower end of its edge.
-                    let end = u8::from((lip.corner == lip.edge) != (m < 2));
-                    let (start, skin_axis) = ring_edge_at(low, normal, usize::from(skin.edge));
-                    let skin = self.skin_fraction(start, skin_axis, values);
-                    let beyond = self.beyond(face, low, normal, lip.corner, m, values);
-                    let upward_slope = self.blades.slope(edge.ends, edge.axis.into(), skin_axis.into());
-                    let slope = if skin.1 { upward_slope } else { -upward_slope };
-                    let at = rim_at(edge.lips, end, skin.0, slope, beyond);
-                    rims[usize::from(end)] = Some(RimPlace { end, skin_axis, skin_upward: skin.1, at });
-                }
+                Some(Between::Front { .. }) => continue,
                 _ => {}
+            }
+            let Some((lip, skin)) = face.lip_and_skin(contour).filter(|(lip, _)| usize::from(lip.edge) == m) else {
+                continue;
+            };
+            // On the first half of the ring, the corner m is the lower end of its edge.
+            let end = u8::from((lip.corner == lip.edge) != (m < 2));
+            // Seen from the corner of the lip: the cut edge, then across it into the face, then up along the third axis.
+            let signs = [end == 0, upward, true].map(|upward| if upward { 1.0 } else { -1.0 });
+            let slopes = [0, 1].map(|n| upward_slopes[n] * signs[0] * signs[n + 1]);
+            let blade = NearBlade { normal: [1.0, -slopes[0], -slopes[1]], offset: edge.lips[usize::from(end)] };
+            let side = Side::new(low, normal, m, lip.corner);
+            let met = self.skin_ends(face, &side, values).and_then(|ends| blade.meets(ends));
+            let mut corner = edge.low.map(i64::from);
+            corner[usize::from(edge.axis)] += i64::from(end);
+            let on_axes = |normal: [f32; 3]| {
+                let along = [edge.axis, across, third].map(|axis| normal[usize::from(axis)]);
+                [0, 1, 2].map(|n| along[n] * signs[n])
+            };
+            let (start, axis) = ring_edge_at(low, normal, usize::from(skin.edge));
+            let raw = self.crossing(start, axis, values).t;
+            if skin.corner == lip.corner {
+                let normal = || on_axes(self.skin_normal(corner, across.into(), upward, values));
+                let met = met.or_else(|| blade.meets_near([0.0, raw, 0.0], normal()));
+                let skin = self.skin_fraction(start, axis, values);
+                let [at, plain] = [met, None]
+                    .map(|met| rim_at(edge.lips, end, skin, slopes[0], met, self.beyond(face, &side, values)));
+                rims[usize::from(end)] = Some(RimPlace { end, skin_axis: across, skin_upward: upward, at, plain });
+            } else {
+                let above = stepped(corner, across.into(), upward);
+                let normal = || on_axes(self.skin_normal(above, edge.axis.into(), end == 0, values));
+                let Some([x, y, z]) = met.or_else(|| blade.meets_near([raw, 1.0, 0.0], normal())) else { continue };
+                rim_crossings.push(RimCrossing {
+                    edge: edge_key(self.bits.shape, start, axis),
+                    upward: end == 0,
+                    across,
+                    across_upward: !upward,
+                    at: [x, 1.0 - y, z],
+                    moved: (x - raw).powi(2) + (y - 1.0).powi(2) + z.powi(2),
+                });
             }
         }
         for rim in rims.into_iter().flatten() {
@@ -400,32 +475,124 @@ impl Tissue<'_> {
         }
     }
 
-    /// Fraction of a crossed edge from its inside end, and whether the outside lies upward.
-    fn skin_fraction(&self, low: [i64; 3], axis: u8, values: &[f32]) -> (f32, bool) {
-        let crossing = crossing_at(self.bits, values, low.map(|i| i as usize), usize::from(axis));
+    /// The crossing of an edge by padded indices, where the field has it.
+    fn crossing(&self, low: [i64; 3], axis: u8, values: &[f32]) -> Crossing {
+        crossing_at(self.bits, values, low.map(|i| i as usize), usize::from(axis))
+    }
+
+    /// Fraction of a crossed edge from its inside end, before the blade.
+    fn skin_fraction(&self, low: [i64; 3], axis: u8, values: &[f32]) -> f32 {
+        let crossing = self.crossing(low, axis, values);
         let mut inside = low;
         inside[usize::from(axis)] += i64::from(!crossing.upward);
         let limited = |particle| self.blades.limit(particle, usize::from(axis), crossing.upward, crossing.t);
-        (self.at(inside).map_or(crossing.t, limited), crossing.upward)
+        self.at(inside).map_or(crossing.t, limited)
+    }
+
+    /// The two places where the skin enters a face, seen from the corner of a lip; `None` where it does not.
+    fn skin_ends(&self, face: Face, side: &Side, values: &[f32]) -> Option<[[f32; 2]; 2]> {
+        let inside = |corner: u8| face.inside >> corner & 1 == 1;
+        let at = |(low, axis)| self.crossing(low, axis, values).t;
+        let ends = match (inside(side.above), inside(side.opposite)) {
+            (false, false) => [[0.0, at(side.own)], [1.0, at(side.far)]],
+            (false, true) => [[0.0, at(side.own)], [1.0 - at(side.facing), 1.0]],
+            (true, false) => [[at(side.facing), 1.0], [1.0, at(side.far)]],
+            (true, true) => return None,
+        };
+        Some(ends)
     }
 
     /// What stands opposite a rim's corner.
-    fn beyond(&self, face: Face, low: [i64; 3], normal: usize, corner: u8, m: usize, values: &[f32]) -> Beyond {
-        let opposite = usize::from(corner) ^ 2;
-        if face.inside >> opposite & 1 == 0 {
+    fn beyond(&self, face: Face, side: &Side, values: &[f32]) -> Beyond {
+        if face.inside >> side.opposite & 1 == 0 {
             return Beyond::Nothing;
         }
-        // Ring edges at the opposite corner: one faces the lip edge, the other joins the lip edge's far end.
-        let facing = (m + 2) % 4;
-        let side = if facing == opposite { (opposite + 3) % 4 } else { opposite };
-        if face.cut >> side & 1 == 1 {
+        if face.cut >> side.far_edge & 1 == 1 {
             return Beyond::Corner;
         }
-        let (start, axis) = ring_edge_at(low, normal, facing);
-        Beyond::Sheet(1.0 - self.skin_fraction(start, axis, values).0)
+        let (start, axis) = side.facing;
+        Beyond::Sheet(1.0 - self.skin_fraction(start, axis, values))
     }
 
-    fn cell_state(&self, key: u64, edge_keys: &[u64]) -> CellState {
+    /// Crossings of the skin round a particle that the blade has passed: the skin of its side ends where the blade meets it.
+    fn passed_crossings(&self, particle: u32, values: &[f32]) -> Vec<RimCrossing> {
+        let here = self.lattice.ijk(particle).map(|i| i as i64 + 1);
+        let mut found = Vec::new();
+        if self.at(here) != Some(particle) {
+            return found;
+        }
+        let Some(plane) = self.blades.near(self.lattice, self.alive, particle) else { return found };
+        for (axis, upward) in (0..3).flat_map(|axis| [(axis, false), (axis, true)]) {
+            let there = stepped(here, axis, upward);
+            if self.at(there).is_some() {
+                continue;
+            }
+            let t = self.skin(here, axis, upward, values);
+            let mut add = |at: [f32; 3], across: usize, across_upward: bool| {
+                found.push(RimCrossing {
+                    edge: edge_key(self.bits.shape, if upward { here } else { there }, axis as u8),
+                    upward,
+                    across: across as u8,
+                    across_upward,
+                    at,
+                    moved: (at[0] - t).powi(2) + at[1].powi(2) + at[2].powi(2),
+                });
+            };
+            let mut met = false;
+            for (across, across_upward) in (1..3).flat_map(|n| [((axis + n) % 3, false), ((axis + n) % 3, true)]) {
+                let ways = [(axis, upward), (across, across_upward)];
+                let blade = plane.seen_along(ways);
+                if blade.past([t, 0.0, 0.0]) <= 0.0 {
+                    break;
+                }
+                if let Some(at) = blade.meets([[t, 0.0], self.skin_end(here, ways, values)]) {
+                    met = true;
+                    add(at, across, across_upward);
+                }
+            }
+            let across = (axis + 1) % 3;
+            let blade = plane.seen_along([(axis, upward), (across, true)]);
+            if !met && blade.past([t, 0.0, 0.0]) > 0.0 {
+                let normal = self.skin_normal(here, axis, upward, values);
+                let along = [normal[axis] * if upward { 1.0 } else { -1.0 }, normal[across], normal[3 - axis - across]];
+                if let Some(at) = blade.meets_near([t, 0.0, 0.0], along) {
+                    add(at, across, true);
+                }
+            }
+        }
+        found
+    }
+
+    /// Fraction at which the skin crosses the edge from an inside point along an axis.
+    fn skin(&self, from: [i64; 3], axis: usize, upward: bool, values: &[f32]) -> f32 {
+        let low = if upward { from } else { stepped(from, axis, false) };
+        self.crossing(low, axis as u8, values).t
+    }
+
+    /// Where the skin that crosses the edge from a point along the first way leaves the face between both ways.
+    fn skin_end(&self, here: [i64; 3], ways: [(usize, bool); 2], values: &[f32]) -> [f32; 2] {
+        let [(axis, upward), (across, across_upward)] = ways;
+        let beside = stepped(here, across, across_upward);
+        let opposite = stepped(beside, axis, upward);
+        match (self.at(beside).is_some(), self.at(opposite).is_some()) {
+            (false, _) => [0.0, self.skin(here, across, across_upward, values)],
+            (true, false) => [self.skin(beside, axis, upward, values), 1.0],
+            (true, true) => [1.0, 1.0 - self.skin(opposite, across, !across_upward, values)],
+        }
+    }
+
+    /// Outward normal of the skin where it crosses the edge from a point along an axis, from the faces at that edge.
+    fn skin_normal(&self, here: [i64; 3], axis: usize, upward: bool, values: &[f32]) -> [f32; 3] {
+        let sign = if upward { 1.0 } else { -1.0 };
+        let mut normal = [sign; 3];
+        for across in [(axis + 1) % 3, (axis + 2) % 3] {
+            let [up, down] = [true, false].map(|way| self.skin_end(here, [(axis, upward), (across, way)], values));
+            normal[across] = (down[0] - up[0]) / (up[1] + down[1]);
+        }
+        normal
+    }
+
+    fn cell_state(&self, key: u64, edge_keys: &[u64], rim_crossings: &[RimCrossing]) -> CellState {
         let low = point_of_key(self.bits.shape, key);
         let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
             let offset = corner_offset(corner);
@@ -439,14 +606,17 @@ impl Tissue<'_> {
         let mut seam_edges = Vec::new();
         for (edge, ends) in EDGES.iter().enumerate() {
             let [one, two] = ends.map(|corner| corners[usize::from(corner)]);
+            let key = edge_key(self.bits.shape, one.0, (edge / 4) as u8);
             if self.linked(one, two) {
                 cell.alive |= 1 << edge;
-            } else if one.1.is_some() && two.1.is_some() {
-                let key = edge_key(self.bits.shape, one.0, (edge / 4) as u8);
-                if let Ok(index) = edge_keys.binary_search(&key) {
-                    cell.cut |= 1 << edge;
-                    seam_edges.push((edge as u8, index as u32));
-                }
+            } else if one.1.is_some() != two.1.is_some() {
+                let on_rim = rim_crossings.binary_search_by_key(&key, |crossing| crossing.edge).is_ok();
+                cell.rims |= u16::from(on_rim) << edge;
+            } else if one.1.is_some()
+                && let Ok(index) = edge_keys.binary_search(&key)
+            {
+                cell.cut |= 1 << edge;
+                seam_edges.push((edge as u8, index as u32));
             }
         }
         for (face, ring) in RINGS.iter().enumerate() {
@@ -456,6 +626,40 @@ impl Tissue<'_> {
             }
         }
         CellState { low: low.map(|i| i as u32), cell, seam_edges }
+    }
+}
+
+/// The next point along an axis.
+fn stepped(mut point: [i64; 3], axis: usize, upward: bool) -> [i64; 3] {
+    point[axis] += if upward { 1 } else { -1 };
+    point
+}
+
+/// A face seen from the corner of a lip on its ring edge `m`: lower end and axis of its other edges.
+struct Side {
+    /// From the corner to the one above it, along the axis across the cut edge.
+    own: ([i64; 3], u8),
+    /// From the far end of the cut edge to the corner opposite.
+    far: ([i64; 3], u8),
+    /// The edge that faces the cut one.
+    facing: ([i64; 3], u8),
+    far_edge: u8,
+    above: u8,
+    opposite: u8,
+}
+
+impl Side {
+    fn new(low: [i64; 3], normal: usize, m: usize, corner: u8) -> Self {
+        let (own, far) = if usize::from(corner) == m { ((m + 3) % 4, (m + 1) % 4) } else { ((m + 1) % 4, (m + 3) % 4) };
+        let edge = |edge: usize| ring_edge_at(low, normal, edge);
+        Self {
+            own: edge(own),
+            far: edge(far),
+            facing: edge((m + 2) % 4),
+            far_edge: far as u8,
+            above: if usize::from(corner) == m { (corner + 3) % 4 } else { (corner + 1) % 4 },
+            opposite: corner ^ 2,
+        }
     }
 }
 

@@ -7,4 +7,5 @@ mod bodies;
 mod carrying;
 mod cuts;
 mod organs;
+mod rims;
 mod shared;

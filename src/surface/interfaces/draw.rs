@@ -24,7 +24,8 @@ use crate::surface::marching_cubes::cube::{EDGES, RING_EDGES, RINGS, corner_offs
 use crate::surface::marching_cubes::sweep::crossing_at;
 use crate::surface::marching_cubes::table::CASES;
 use crate::surface::normals::Sheet;
-use crate::surface::seam::{CellState, Gaps, edge_key, point_key, point_of_key};
+use crate::surface::rim;
+use crate::surface::seam::{CellState, Gaps, edge_key, point_key, point_of_key, refuse};
 
 /// A vertex that follows others: number, and what it is the weighted mean of.
 #[derive(Debug, Clone)]
@@ -112,7 +113,7 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
     }
     let bits = InsideBits::new(shape, partition.skin(), Some(&lattice.particle_at));
     let blades = Blades::new(lattice, topology.severed());
-    let gaps = Gaps::find(lattice, topology, &blades, &bits, partition.skin(), Some(partition.labels()));
+    let mut gaps = Gaps::find(lattice, topology, &blades, &bits, partition.skin(), Some(partition.labels()));
     let padded = Padded::new(partition);
     let scene = Scene { lattice, partition, bits: &bits, gaps: &gaps, padded: &padded };
     let layers: Vec<Layer> = (0..shape.nz + 1).into_par_iter().map(|k| scene.layer(k)).collect();
@@ -121,22 +122,6 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
         return Err(SurfaceError::TooManyVertices);
     }
     let number = |key: Key| keys.binary_search(&key).expect("keys of all triangles") as u32;
-    let crossings = Crossings { lattice, alive: topology.alive(), blades: &blades };
-    let mut embedding = scene.embedding(&crossings, &keys);
-
-    let mut knots = Vec::new();
-    for node in layers.iter().flat_map(|layer| &layer.nodes) {
-        let Ok(vertex) = keys.binary_search(&node.key) else { continue };
-        let sources = node_sources(node, |key| embedding.vertices[number(key) as usize].rest);
-        let sources = sources.into_iter().map(|(key, weight)| (number(key), weight)).collect();
-        settle(&mut embedding, &mut knots, Knot { vertex: vertex as u32, sources });
-    }
-    for (key, sources) in layers.iter().flat_map(|layer| &layer.centres) {
-        let weight = 1.0 / sources.len() as f32;
-        let sources = sources.iter().map(|&source| (number(source), weight)).collect();
-        settle(&mut embedding, &mut knots, Knot { vertex: number(*key), sources });
-    }
-
     let flip = lattice.grid.affine.determinant() < 0.0;
     let flat: Vec<&([Key; 3], [u8; 2])> = layers.iter().flat_map(|layer| &layer.triangles).collect();
     if u32::try_from(flat.len()).is_err() {
@@ -146,8 +131,31 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
         let [a, b, c] = corners.map(number);
         if flip { [a, c, b] } else { [a, b, c] }
     };
-    let triangles = flat.par_iter().map(numbered).collect();
+    let triangles: Vec<[u32; 3]> = flat.par_iter().map(numbered).collect();
     let sides = flat.iter().map(|triangle| triangle.1).collect();
+
+    let (embedding, knots) = loop {
+        let scene = Scene { lattice, partition, bits: &bits, gaps: &gaps, padded: &padded };
+        let crossings =
+            Crossings { lattice, alive: topology.alive(), blades: &blades, rim_crossings: &gaps.rim_crossings };
+        let mut embedding = scene.embedding(&crossings, &keys);
+        let mut knots = Vec::new();
+        for node in layers.iter().flat_map(|layer| &layer.nodes) {
+            let Ok(vertex) = keys.binary_search(&node.key) else { continue };
+            let sources = node_sources(node, |key| embedding.vertices[number(key) as usize].rest);
+            let sources = sources.into_iter().map(|(key, weight)| (number(key), weight)).collect();
+            settle(&mut embedding, &mut knots, Knot { vertex: vertex as u32, sources });
+        }
+        for (key, sources) in layers.iter().flat_map(|layer| &layer.centres) {
+            let weight = 1.0 / sources.len() as f32;
+            let sources = sources.iter().map(|&source| (number(source), weight)).collect();
+            settle(&mut embedding, &mut knots, Knot { vertex: number(*key), sources });
+        }
+        let crowded = rim::crowded(&embedding, &triangles, lattice.pitch * 1e3);
+        if crowded.is_empty() || !refuse(&crowded, &mut gaps.edges, &mut gaps.rim_crossings) {
+            break (embedding, knots);
+        }
+    };
     let cones = layers.iter().flat_map(|layer| &layer.cones).map(|&key| number(key)).collect();
     Ok(Drawn { embedding, knots, triangles, sides, cones })
 }
@@ -245,7 +253,7 @@ impl Scene<'_> {
         let most = labels.iter().copied().max().unwrap_or(OUTSIDE);
         let key = self.key_of(low);
         if labels.iter().any(|&label| label != least && label != most) {
-            return layer.add(key, &Cell { labels, gaps: 0, diagonals: 0xfff }.patch());
+            return layer.add(key, &Cell { labels, gaps: 0, diagonals: 0xfff, rims: 0 }.patch());
         }
         let case = (0..8).fold(0, |case, corner| case | u8::from(labels[corner] == least) << corner);
         let triangles = CASES.triangles(case).iter();
@@ -260,8 +268,11 @@ impl Scene<'_> {
         for edge in &self.gaps.edges {
             first.push(first[first.len() - 1] + edge.vertex_count());
         }
-        let mut scratch =
-            Embedding { vertices: vec![Vertex::default(); first[first.len() - 1]], ..Embedding::default() };
+        let mut scratch = Embedding {
+            vertices: vec![Vertex::default(); first[first.len() - 1]],
+            rims: crossings.rims(),
+            ..Embedding::default()
+        };
         for (edge, &at) in self.gaps.edges.iter().zip(&first) {
             crossings.add_seam_edge(edge, at, &mut scratch);
         }
@@ -316,7 +327,7 @@ impl Scene<'_> {
 
 /// A cell with a dead spring.
 fn special_cell(labels: [u8; 8], state: &CellState) -> Cell {
-    Cell { labels, gaps: state.cell.cut, diagonals: state.cell.diagonals }
+    Cell { labels, gaps: state.cell.cut, diagonals: state.cell.diagonals, rims: state.cell.rims }
 }
 
 impl Layer {

@@ -3,7 +3,8 @@
 //! ```text
 //! for each face: for each contour from -> to:     next[from] = to, through a crack-front or rim vertex where there is one
 //! while a crossing is left: follow next[] round   one loop
-//! for each loop: the triangulation of least total squared diagonal length without a diagonal that lies in a face;
+//! for each loop: the triangulation of least total squared diagonal length without a diagonal that lies in a face, and with
+//!                as few as can be from the inner of a cut to the skin, which would cut off its rim;
 //!                a fan round the loop's centre where no such triangulation exists
 //! ```
 //! A diagonal inside a face could be drawn by the neighbour too, and the edge would then have four triangles; that is
@@ -24,6 +25,8 @@ pub(crate) struct Cell {
     pub(crate) diagonals: u16,
     /// Edges that carry the two lips of a cut.
     pub(crate) cut: u16,
+    /// Edges whose crossing of the skin lies where a cut meets it.
+    pub(crate) rims: u16,
 }
 
 /// A place in a cell where the surface has a vertex.
@@ -136,7 +139,7 @@ pub(crate) struct Patch {
 impl Cell {
     /// A cell without any dead spring.
     pub(crate) const fn intact(inside: u8) -> Self {
-        Self { inside, alive: 0xfff, diagonals: 0xfff, cut: 0 }
+        Self { inside, alive: 0xfff, diagonals: 0xfff, cut: 0, rims: 0 }
     }
 
     /// What the given face of this cell knows.
@@ -166,7 +169,7 @@ impl Cell {
                 at = std::mem::replace(&mut next[usize::from(at)], NONE);
             }
             debug_assert_eq!(at, start, "contours close");
-            patch.add_loop(ring);
+            patch.add_loop(ring, self.rims);
         }
         patch
     }
@@ -219,6 +222,32 @@ const NONE: u8 = u8::MAX;
 /// Cost of a triangulation that would put a diagonal into a face.
 const FORBIDDEN: u64 = u64::MAX;
 
+/// Cost of a diagonal from the inner of a cut to the skin, which cuts off the rim between them: more than any length.
+const ACROSS_THE_RIM: u64 = 1 << 56;
+/// Cost of a triangle between three places of the rim, which may be in line.
+const ALONG_THE_RIM: u64 = 1 << 50;
+
+/// What a site of a loop belongs to.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Skin,
+    Face,
+    Rim,
+}
+
+fn parts(ring: &[u8], rims: u16) -> Vec<Part> {
+    let site = |at: usize| Site::from_code(ring[at % ring.len()]);
+    let is_lip = |at: usize| matches!(site(at), Site::Lip { .. });
+    let part = |at: usize| match site(at) {
+        Site::Lip { .. } | Site::Front { .. } => Part::Face,
+        Site::Rim { .. } => Part::Rim,
+        // Beside a lip the skin begins.
+        Site::Skin { edge } if rims >> edge & 1 == 1 || is_lip(at + ring.len() - 1) || is_lip(at + 1) => Part::Rim,
+        _ => Part::Skin,
+    };
+    (0..ring.len()).map(part).collect()
+}
+
 /// Squared nominal length of a diagonal, with a tie-break that does not depend on where a loop starts.
 fn diagonal_cost(one: u8, two: u8) -> u64 {
     let (one, two) = (Site::from_code(one), Site::from_code(two));
@@ -235,9 +264,11 @@ fn diagonal_cost(one: u8, two: u8) -> u64 {
 
 impl Patch {
     /// Fills a loop of sites.
-    pub(crate) fn add_loop(&mut self, ring: Vec<u8>) {
+    ///
+    /// - `rims`: edges whose crossing lies where a cut meets the skin.
+    pub(crate) fn add_loop(&mut self, ring: Vec<u8>, rims: u16) {
         debug_assert!(ring.len() >= 3, "a loop with {} vertices", ring.len());
-        if !self.triangulate(&ring) {
+        if !self.triangulate(&ring, rims) {
             let centre = Site::Centre { index: self.centres.len() as u8 }.code();
             for (at, &site) in ring.iter().enumerate() {
                 self.triangles.push([site, ring[(at + 1) % ring.len()], centre]);
@@ -248,23 +279,32 @@ impl Patch {
 
     /// The cheapest triangulation of a polygon by dynamic programming over its sub-polygons; false when every one has a
     /// forbidden diagonal.
-    fn triangulate(&mut self, ring: &[u8]) -> bool {
+    fn triangulate(&mut self, ring: &[u8], rims: u16) -> bool {
         let n = ring.len();
         if n == 3 {
             self.triangles.push([ring[0], ring[1], ring[2]]);
             return true;
         }
+        let parts = parts(ring, rims);
+        let diagonal = |i: usize, j: usize| {
+            let across = matches!((parts[i], parts[j]), (Part::Face, Part::Skin) | (Part::Skin, Part::Face));
+            diagonal_cost(ring[i], ring[j]).saturating_add(if across { ACROSS_THE_RIM } else { 0 })
+        };
+        let triangle = |corners: [usize; 3]| {
+            if corners.iter().all(|&corner| parts[corner] == Part::Rim) { ALONG_THE_RIM } else { 0 }
+        };
         // cost[i * n + j], apex[i * n + j]: best for the sub-polygon i..=j, the side i-j included.
         let mut cost = vec![0_u64; n * n];
         let mut apex = vec![0_u8; n * n];
         for width in 2..n {
             for i in 0..n - width {
                 let j = i + width;
-                let side = if width == n - 1 { 0 } else { diagonal_cost(ring[i], ring[j]) };
+                let side = if width == n - 1 { 0 } else { diagonal(i, j) };
                 let mut best = FORBIDDEN;
                 if side != FORBIDDEN {
                     for k in i + 1..j {
-                        let total = cost[i * n + k].saturating_add(cost[k * n + j]).saturating_add(side);
+                        let inner = cost[i * n + k].saturating_add(cost[k * n + j]);
+                        let total = inner.saturating_add(side).saturating_add(triangle([i, k, j]));
                         if total < best {
                             best = total;
                             apex[i * n + j] = k as u8;
@@ -320,7 +360,7 @@ mod tests {
         for face in [2, 3, 4, 5] {
             diagonals &= !(3 << (2 * face));
         }
-        let patch = Cell { inside: 0xff, alive: 0xfff & !across, diagonals, cut: across }.patch();
+        let patch = Cell { inside: 0xff, alive: 0xfff & !across, diagonals, cut: across, rims: 0 }.patch();
         assert_eq!(patch.triangles.len(), 4);
         let mut sides = [Vec::new(), Vec::new()];
         for triangle in &patch.triangles {

@@ -121,11 +121,16 @@ impl Face {
         if from.edge == to.edge {
             return Some(Between::Front { edge: from.edge });
         }
+        let (lip, skin) = self.lip_and_skin(contour)?;
+        (lip.corner == skin.corner).then_some(Between::Rim { lip, skin })
+    }
+
+    /// The two ends of a contour that leads from a lip to the skin.
+    pub(crate) fn lip_and_skin(self, Contour { from, to }: Contour) -> Option<(FaceCrossing, FaceCrossing)> {
         let is_lip = |c: FaceCrossing| self.is_inside(usize::from(c.edge)) && self.is_inside(usize::from(c.edge) + 1);
         match (is_lip(from), is_lip(to)) {
-            _ if from.corner != to.corner => None,
-            (true, false) => Some(Between::Rim { lip: from, skin: to }),
-            (false, true) => Some(Between::Rim { lip: to, skin: from }),
+            (true, false) => Some((from, to)),
+            (false, true) => Some((to, from)),
             _ => None,
         }
     }
