@@ -4,7 +4,7 @@ import sys
 import xml.etree.ElementTree as ET
 
 import vtk
-from vtk.util.numpy_support import vtk_to_numpy
+from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 SURFACE_CELLS = {"organ", "label"}
 LATTICE_POINTS = {"displacement_mm", "organ", "severed_springs"}
@@ -23,6 +23,41 @@ def arrays(data):
     return {data.GetArrayName(n): data.GetArray(n) for n in range(data.GetNumberOfArrays())}
 
 
+def part_of(data, chosen):
+    """The cells of a surface where `chosen` is true."""
+    mask = numpy_to_vtk(chosen.astype("u1"), deep=True)
+    mask.SetName("chosen")
+    part = vtk.vtkPolyData()
+    part.DeepCopy(data)
+    part.GetCellData().AddArray(mask)
+    threshold = vtk.vtkThreshold()
+    threshold.SetInputData(part)
+    threshold.SetInputArrayToProcess(0, 0, 0, vtk.vtkDataObject.FIELD_ASSOCIATION_CELLS, "chosen")
+    threshold.SetLowerThreshold(0.5)
+    threshold.SetUpperThreshold(1.5)
+    threshold.SetThresholdFunction(vtk.vtkThreshold.THRESHOLD_BETWEEN)
+    surface = vtk.vtkGeometryFilter()
+    surface.SetInputConnection(threshold.GetOutputPort())
+    surface.Update()
+    return surface.GetOutput()
+
+
+def open_edges(data, welded=False):
+    """Number of open and non-manifold edges; with `welded` after points at one place have become one."""
+    if welded:
+        clean = vtk.vtkCleanPolyData()
+        clean.SetInputData(data)
+        clean.SetTolerance(0.0)
+        clean.Update()
+        data = clean.GetOutput()
+    edges = vtk.vtkFeatureEdges()
+    edges.SetInputData(data)
+    edges.FeatureEdgesOff()
+    edges.ManifoldEdgesOff()
+    edges.Update()
+    return edges.GetOutput().GetNumberOfCells()
+
+
 def check(path):
     """Facts about a file, and what is wrong with it."""
     data, wrong = read(path)
@@ -36,14 +71,19 @@ def check(path):
     for name, array in {**points, **cells}.items():
         if not all(map(lambda x: x == x and abs(x) < 1e30, vtk_to_numpy(array).ravel()[:100000])):
             wrong.append(f"{name} is not finite")
-    if path.endswith(".vtp"):
+    if path.endswith(".vtp") and {"inside", "outside"} <= set(cells):
+        # Shared walls: every organ is what a threshold of either side picks out.
+        wanted, found = set(), set(cells)
+        sides = [vtk_to_numpy(cells[name]) for name in ("inside", "outside")]
+        names = field.GetAbstractArray("region_names")
+        for region in range(names.GetNumberOfValues()):
+            mine = (sides[0] == region) | (sides[1] == region)
+            part = part_of(data, mine)
+            if part.GetNumberOfCells() == 0 or open_edges(part, welded=True) > 0:
+                wrong.append(f"{names.GetValue(region)} is open or non-manifold")
+    elif path.endswith(".vtp"):
         wanted, found = SURFACE_CELLS, set(cells)
-        edges = vtk.vtkFeatureEdges()
-        edges.SetInputData(data)
-        edges.FeatureEdgesOff()
-        edges.ManifoldEdgesOff()
-        edges.Update()
-        if edges.GetOutput().GetNumberOfCells() > 0:
+        if open_edges(data) > 0:
             wrong.append("open or non-manifold edges")
     else:
         wanted, found = LATTICE_POINTS, set(points)
