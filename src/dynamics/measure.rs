@@ -9,7 +9,7 @@ use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, Topology};
 
 /// Particles whose contributions are summed before the partial sums are added in order: the same sum at any thread count.
-const CHUNK: usize = 65_536;
+const CHUNK: usize = 4_096;
 
 /// Energy and momentum of the particles that have a mass and of the rigid bodies. Lattice axes, SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
