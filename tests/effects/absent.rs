@@ -41,7 +41,7 @@ struct Case {
 
 fn case(organ: &str, tables: &str) -> Case {
     let text = format!(
-        "[volume]\nphantom = \"cube\"\nspacing = 1.5\n[lattice]\npitch = 2.0\n[[organ]]\nname = \"cube\"\nlabel = \"cube\"\n\
+        "[volume]\nphantom = \"cube\"\nspacing = 1.5\n[lattice]\npitch = 3.0\n[[organ]]\nname = \"cube\"\nlabel = \"cube\"\n\
          youngs_modulus = 5e3\ndensity = 1060\n{organ}\n{}{}[time]\nduration = 1\nframes = 1\n{tables}\n",
         if organ.contains("poissons_ratio") { "" } else { "poissons_ratio = 0.25\n" },
         if organ.contains("damping_ratio") { "" } else { "damping_ratio = 0\n" },
