@@ -54,7 +54,10 @@ impl Surface {
         let mut seam = Seam::find(lattice, topology, &blades, &bits, field);
         let numbering = Numbering::new(&bits, &seam)?;
         let drawn = sweep::triangles(&bits, &seam, &numbering, lattice.grid.affine.determinant() < 0.0)?;
-        let mut embedding = loop {
+        let centres = seam.cells.iter().zip(&numbering.centres);
+        let centres = centres.flat_map(|(cell, &first)| (first..).take(cell.patch.centres.len()));
+        let loops = loops_of(centres, &drawn.triangles);
+        let embedding = loop {
             let crossings =
                 Crossings { lattice, alive: topology.alive(), blades: &blades, rim_crossings: &seam.rim_crossings };
             let vertices = sweep::crossing_values(&bits, field, &numbering, |crossing| crossings.vertex(crossing));
@@ -62,17 +65,12 @@ impl Surface {
             for (edge, &first) in seam.edges.iter().zip(&numbering.seam_edges) {
                 crossings.add_seam_edge(edge, first as usize, &mut embedding);
             }
+            add_centres(&mut embedding, &loops);
             let crowded = rim::crowded(&embedding, &drawn.triangles, lattice.pitch * 1e3);
             if crowded.is_empty() || !refuse(&crowded, &mut seam.edges, &mut seam.rim_crossings) {
                 break embedding;
             }
         };
-        let centres = seam
-            .cells
-            .iter()
-            .zip(&numbering.centres)
-            .flat_map(|(cell, &first)| (0..cell.patch.centres.len() as u32).map(move |rank| first + rank));
-        add_centres(&mut embedding, centres, &drawn.triangles);
         Ok(Self {
             embedding,
             triangles: drawn.triangles,
@@ -337,11 +335,12 @@ fn signed(t: f32, upward: bool) -> f32 {
 /// How many more times than others the places on the rim of a cut count in the centre of a loop.
 const RIM_SHARE: usize = 8;
 
-/// Fills in the centres of loops: a fan names its ring vertex first, so the triangles round a centre list its loop.
-fn add_centres(embedding: &mut Embedding, centres: impl Iterator<Item = u32>, triangles: &[[u32; 3]]) {
+/// The vertices of the loop round each centre, ascending by centre: a fan names its ring vertex first, so the triangles round a
+/// centre list its loop.
+fn loops_of(centres: impl Iterator<Item = u32>, triangles: &[[u32; 3]]) -> Vec<Loop> {
     let index: HashMap<u32, u32> = centres.zip(0..).collect();
     if index.is_empty() {
-        return;
+        return Vec::new();
     }
     let mut rings = vec![Vec::new(); index.len()];
     for triangle in triangles {
@@ -351,9 +350,15 @@ fn add_centres(embedding: &mut Embedding, centres: impl Iterator<Item = u32>, tr
             }
         }
     }
-    let mut centres: Vec<(u32, Vec<u32>)> =
+    let mut loops: Vec<Loop> =
         index.iter().map(|(&vertex, &at)| (vertex, std::mem::take(&mut rings[at as usize]))).collect();
-    centres.sort_unstable_by_key(|centre| centre.0);
+    loops.sort_unstable_by_key(|centre| centre.0);
+    loops
+}
+
+/// Puts centres into the middle of their loops.
+fn add_centres(embedding: &mut Embedding, loops: &[Loop]) {
+    let mut centres = loops.to_vec();
     for (_, ring) in &mut centres {
         // A loop over the rim bends there: its places on the rim count for most.
         let sheet = |&at: &u32| embedding.vertices[at as usize].sheet;

@@ -62,49 +62,42 @@ fn area(corners: [&Vertex; 3]) -> f64 {
 /// Rims of triangles that pass through others: of an edge and a triangle without a common vertex, one of them at a rim.
 fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec<u32> {
     let at = |number: u32| Vector3::from(embedding.vertices[number as usize].rest);
-    let rims = |corners: &[u32]| -> Vec<u32> {
-        corners.iter().filter_map(|&corner| rim_of(&embedding.vertices[corner as usize])).collect()
-    };
-    let cells = |corners: &[u32]| {
-        let bound = |pick: fn(f64, f64) -> f64| {
-            let first = at(corners[0]);
-            let bound = corners[1..].iter().fold(first, |bound, &corner| bound.zip_map(&at(corner), pick));
-            bound.map(|c| (c / pitch_mm).floor() as i64)
-        };
-        let (low, high) = (bound(f64::min), bound(f64::max));
-        (low.z..=high.z).flat_map(move |z| (low.y..=high.y).flat_map(move |y| (low.x..=high.x).map(move |x| [x, y, z])))
-    };
-    let mut near: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
-    for triangle in triangles.iter().filter(|triangle| !rims(*triangle).is_empty()) {
-        for cell in cells(triangle) {
+    let rim = |corner: &u32| rim_of(&embedding.vertices[*corner as usize]);
+    let at_rim = |corners: &[u32]| corners.iter().any(|corner| rim(corner).is_some());
+    let place = |number: u32| at(number) / pitch_mm;
+    let mut near: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
+    for triangle in triangles.iter().filter(|triangle| at_rim(*triangle)) {
+        for cell in Room::of(&triangle.map(place)).cells() {
             near.entry(cell).or_default();
         }
     }
-    let beside: Vec<u32> = (0..triangles.len() as u32)
-        .into_par_iter()
-        .filter(|&number| cells(&triangles[number as usize]).any(|cell| near.contains_key(&cell)))
+    let beside: Vec<(&[u32; 3], Room)> = triangles
+        .par_iter()
+        .map(|triangle| (triangle, Room::of(&triangle.map(place))))
+        .filter(|(_, room)| room.cells().any(|cell| near.contains_key(&cell)))
         .collect();
-    for &number in &beside {
-        for cell in cells(&triangles[number as usize]) {
+    for (number, (_, room)) in (0..).zip(&beside) {
+        for cell in room.cells() {
             if let Some(list) = near.get_mut(&cell) {
                 list.push(number);
             }
         }
     }
-    let found = beside.par_iter().flat_map_iter(|&number| {
-        let triangle = triangles[number as usize];
+    let found = beside.par_iter().flat_map_iter(|&(&[a, b, c], _)| {
         let mut found = Vec::new();
-        for (one, two) in [(triangle[0], triangle[1]), (triangle[1], triangle[2]), (triangle[2], triangle[0])] {
-            // The other triangle at the edge looks at it too.
-            let others = cells(&[one, two]).filter_map(|cell| near.get(&cell)).flatten();
-            for &other in others.filter(|_| one < two) {
-                let corners = triangles[other as usize];
-                if corners.contains(&one) || corners.contains(&two) {
-                    continue;
-                }
-                let involved = rims(&[one, two, corners[0], corners[1], corners[2]]);
-                if !involved.is_empty() && pierces(at(one), at(two), corners.map(at)) {
-                    found.extend(involved);
+        // The other triangle at an edge looks at it too.
+        for [one, two] in [[a, b], [b, c], [c, a]].into_iter().filter(|[one, two]| one < two) {
+            let (edge, edge_at_rim) = (Room::of(&[one, two].map(place)), at_rim(&[one, two]));
+            for cell in edge.cells() {
+                for (other, room) in near.get(&cell).into_iter().flatten().map(|&other| &beside[other as usize]) {
+                    if edge.meet_first_in(room, cell)
+                        && !other.contains(&one)
+                        && !other.contains(&two)
+                        && (edge_at_rim || at_rim(*other))
+                        && pierces(at(one), at(two), other.map(at))
+                    {
+                        found.extend([one, two].iter().chain(*other).filter_map(rim));
+                    }
                 }
             }
         }
@@ -113,10 +106,41 @@ fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec
     found.collect()
 }
 
+/// Box round some places [pitches], and its first and last cell.
+struct Room {
+    low: [f64; 3],
+    high: [f64; 3],
+    first: [i32; 3],
+    last: [i32; 3],
+}
+
+impl Room {
+    fn of(places: &[Vector3]) -> Self {
+        let (low, high) = places.iter().fold((places[0], places[0]), |(low, high), c| (low.inf(c), high.sup(c)));
+        let [first, last] = [low, high].map(|corner| corner.map(|c| c.floor() as i32).into());
+        Self { low: low.into(), high: high.into(), first, last }
+    }
+
+    fn cells(&self) -> impl Iterator<Item = [i32; 3]> + use<> {
+        let ([west, south, bottom], [east, north, top]) = (self.first, self.last);
+        (bottom..=top).flat_map(move |z| (south..=north).flat_map(move |y| (west..=east).map(move |x| [x, y, z])))
+    }
+
+    /// Whether two boxes have a place in common and `cell` is the first of their cells in common: each pair is met once.
+    fn meet_first_in(&self, other: &Self, cell: [i32; 3]) -> bool {
+        let axes = [0, 1, 2];
+        axes.iter().all(|&axis| self.low[axis] <= other.high[axis] && other.low[axis] <= self.high[axis])
+            && axes.iter().all(|&axis| self.first[axis].max(other.first[axis]) == cell[axis])
+    }
+}
+
 /// Whether a segment passes through the inside of a triangle, by the signs of five volumes.
 fn pierces(a: Vector3, b: Vector3, [p, q, r]: [Vector3; 3]) -> bool {
     let volume = |a: Vector3, b: Vector3, c: Vector3, d: Vector3| (b - a).cross(&(c - a)).dot(&(d - a));
-    let (above, below) = (volume(p, q, r, a), volume(p, q, r, b));
+    // Most segments end on the side where they begin.
+    if volume(p, q, r, a) * volume(p, q, r, b) >= 0.0 {
+        return false;
+    }
     let around = [volume(a, b, p, q), volume(a, b, q, r), volume(a, b, r, p)];
-    above * below < 0.0 && (around.iter().all(|volume| *volume > 0.0) || around.iter().all(|volume| *volume < 0.0))
+    around.iter().all(|volume| *volume > 0.0) || around.iter().all(|volume| *volume < 0.0)
 }
