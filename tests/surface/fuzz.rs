@@ -14,7 +14,7 @@ fn assert_sound(report: &MeshReport, what: &str) {
 
 #[test]
 fn random_severed_lattices_give_closed_manifolds() {
-    const TRIALS: u64 = 3000;
+    const TRIALS: u64 = 6000;
     let densities = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0];
     let totals: Vec<(usize, usize, usize)> = (0..TRIALS)
         .into_par_iter()
@@ -53,7 +53,7 @@ fn random_severed_lattices_give_closed_manifolds() {
     let sum = |pick: fn(&(usize, usize, usize)) -> usize| totals.iter().map(pick).sum::<usize>();
     eprintln!("{TRIALS} lattices, {} springs severed, {} triangles", sum(|t| t.0), sum(|t| t.1));
     eprintln!("{} of them change when vertices are welded by place", sum(|t| t.2));
-    assert!(sum(|t| t.0) > 150_000 && sum(|t| t.1) > 350_000);
+    assert!(sum(|t| t.0) > 300_000 && sum(|t| t.1) > 700_000);
     // Not promised for springs severed at random, only for blades (see `cuts`), but it should stay rare.
     assert!(sum(|t| t.2) <= TRIALS as usize / 100);
 }
