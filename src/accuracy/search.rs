@@ -126,7 +126,7 @@ impl<'a> Search<'a> {
         let pitches = Pitches::of(scene, inputs)?;
         let named = scene.lattice.pitch.map(|pitch| pitch * 1e3);
         let fixed_mm = named.or((scene.lattice.model == Model::Paper).then_some(pitches.own_mm));
-        let any_method = needs_plain_step(&scene.organs, &scene.operations).is_none();
+        let any_method = needs_plain_step(&scene.organs, &scene.operations, scene.sleep).is_none();
         Ok(Some(Self {
             scene,
             inputs,

@@ -14,6 +14,7 @@ use super::progress;
 use super::source::Source;
 use crate::accuracy::{Collector, Search};
 use crate::dynamics::World;
+use crate::dynamics::effects::sleep::SleepCounts;
 use crate::dynamics::step_control::StepCounts;
 use crate::dynamics::timeline::{Event, Timeline, What};
 use crate::run::drive::{DriveError, Frame, Observer, drive};
@@ -173,6 +174,9 @@ impl Recorded {
                 tell(&mut recorder, messages, &volume.to_string())?;
             }
         }
+        if let Some((_, counts)) = world.sleep() {
+            tell(&mut recorder, messages, &slept(&counts))?;
+        }
         if let Some(torn) = world.torn() {
             tell(&mut recorder, messages, &format!("{torn} springs torn"))?;
         }
@@ -217,6 +221,14 @@ impl Recorded {
 }
 
 /// How many steps it took, how many of them were shorter than planned, and the shortest.
+fn slept(counts: &SleepCounts) -> String {
+    let share = 100.0 * counts.left_out as f64 / counts.of.max(1) as f64;
+    format!(
+        "{share:.1} % of the blocks' steps left out because they slept; {} of {} blocks sleep",
+        counts.asleep, counts.blocks
+    )
+}
+
 fn steps_taken(counts: &StepCounts) -> String {
     let StepCounts { steps, divided, shortest_dt, looks, .. } = *counts;
     let looks = match looks {

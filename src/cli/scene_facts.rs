@@ -10,6 +10,7 @@ use super::accuracy::percent;
 use super::facts::{digits, write_columns};
 use super::messages::Messages;
 use crate::dynamics::World;
+use crate::dynamics::effects::sleep::Sleep;
 use crate::dynamics::integrator::Integrator;
 use crate::dynamics::measure::cell_volume;
 use crate::dynamics::stable_dt::SAFETY;
@@ -104,6 +105,9 @@ pub(super) fn facts(path: &Path, messages: &Messages) -> anyhow::Result<Value> {
     });
     let measured = Pace::measure(&mut world, &mut timeline, &schedule, BUDGET);
     facts["self_contact"] = self_contact(&scene, &world);
+    facts["sleep"] = world.sleep().map_or(Value::Null, |(Sleep { tolerance, window }, counts)| {
+        json!({ "tolerance_mm": tolerance * 1e3, "window_s": window, "blocks": counts.blocks })
+    });
     match measured {
         Ok(pace) => {
             facts["estimated_time_s"] = json!(pace.of(&schedule));
@@ -179,6 +183,17 @@ fn self_contact_text(contact: &Value) -> String {
         friction.map_or_else(|| "no friction".to_owned(), |friction| format!("friction {}", digits(friction, 4)));
     let surface = contact["surface_particles"].as_u64().unwrap_or(0);
     format!("{}: {surface} particles on their surfaces, {friction}", organs.join(", "))
+}
+
+/// When blocks sleep, in a line.
+fn sleep_text(sleep: &Value) -> String {
+    let number = |key: &str| digits(sleep[key].as_f64().unwrap_or(f64::NAN), 3);
+    format!(
+        "each of {} blocks that moves by less than {} mm in {} s is left out of the step until something reaches it",
+        sleep["blocks"],
+        number("tolerance_mm"),
+        number("window_s")
+    )
 }
 
 /// An obstacle in a line: its name, what it is, when, and friction.
@@ -356,6 +371,9 @@ pub(super) fn text(facts: &Value) -> String {
     }
     if !facts["self_contact"].is_null() {
         rows.insert(rows.len() - 1, vec!["self contact".to_owned(), self_contact_text(&facts["self_contact"])]);
+    }
+    if !facts["sleep"].is_null() {
+        rows.insert(rows.len() - 1, vec!["sleep".to_owned(), sleep_text(&facts["sleep"])]);
     }
     write_columns(rows, "", &mut lines);
     organs_text(facts, &mut lines);

@@ -82,7 +82,7 @@ fn arithmetic(text: &str) -> Result<Arithmetic, String> {
 
 impl StudyArguments {
     fn options(&self, scene: &Scene) -> anyhow::Result<Options> {
-        let reason = needs_plain_step(&scene.organs, &scene.operations)
+        let reason = needs_plain_step(&scene.organs, &scene.operations, scene.sleep)
             .map_or_else(String::new, |what| format!(" for this scene, which has {what}"));
         Ok(Options {
             finenesses: self.steps.clone(),

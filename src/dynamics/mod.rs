@@ -3,7 +3,7 @@
 //! [`World`] owns the state and advances it; [`stable_dt`] says how far it may go at once near
 //! rest and [`step_control`] divides the step when that is too far; [`timeline`] applies a scene's
 //! operations as their time comes; [`effects`] holds what else acts, one file each (contact, contact of tissue with itself,
-//! drag, fibres, pressure, relaxation, plasticity, tearing); [`integrator`] the other ways to go on in time; [`measure`] judges energy,
+//! drag, fibres, pressure, relaxation, plasticity, tearing) and what lets blocks sleep; [`integrator`] the other ways to go on in time; [`measure`] judges energy,
 //! momentum and volume in f64; [`reference_world`] is the
 //! same world in plain f64, for judging the fast one.
 

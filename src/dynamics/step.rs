@@ -96,6 +96,7 @@ impl World {
             plasticity: self.plasticity.as_deref(),
             rigid: self.rigid.as_deref(),
             workers: &self.workers,
+            asleep: self.sleepers.as_ref().map(|sleepers| sleepers.asleep()),
         };
         kick.all(out, &mut self.next_fastest);
         if damped {
@@ -130,6 +131,7 @@ impl World {
             plasticity: None,
             rigid: None,
             workers: &self.workers,
+            asleep: None,
         };
         kicks.all(kick.each_mut(), &mut self.next_fastest);
     }
@@ -147,6 +149,9 @@ impl World {
     }
 
     fn drift(&mut self) {
+        if let Some(sleepers) = self.sleepers.take() {
+            return self.drift_awake(sleepers);
+        }
         let dt = self.dt as f32;
         for axis in 0..3 {
             self.displacement[axis]
@@ -180,6 +185,8 @@ struct Kick<'a> {
     plasticity: Option<&'a YieldedSprings>,
     rigid: Option<&'a Bodies>,
     workers: &'a Workers,
+    /// Blocks that are left as they are.
+    asleep: Option<&'a [bool]>,
 }
 
 impl Kick<'_> {
@@ -202,6 +209,10 @@ impl Kick<'_> {
                     *rest = after;
                     <&mut [f32; BLOCK_LEN]>::try_from(own).expect("whole blocks")
                 });
+                if self.asleep.is_some_and(|asleep| asleep[block]) {
+                    *fastest = 0.0;
+                    continue;
+                }
                 let mut ahead = ArrayVec::<&[f32; BLOCK_LEN], MOST_AHEAD>::new();
                 if !rest[0].is_empty() {
                     ahead.extend(rest.iter().map(|rest| block_of(rest, 0)));

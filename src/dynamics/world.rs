@@ -12,6 +12,7 @@ use super::effects::fibres::CellFibres;
 use super::effects::plasticity::YieldedSprings;
 use super::effects::relaxation::MaxwellBranches;
 use super::effects::self_contact::SelfContact;
+use super::effects::sleep::Sleepers;
 use super::effects::tearing::Tearing;
 use super::integrator::Integration;
 use super::rigid::Bodies;
@@ -75,6 +76,8 @@ pub struct World {
     pub(super) contact: Option<Box<Contact>>,
     /// `None` where tissue may pass through tissue, which then costs nothing.
     pub(super) self_contact: Option<Box<SelfContact>>,
+    /// `None` where every block is stepped.
+    pub(super) sleepers: Option<Box<Sleepers>>,
     /// Patient axes to lattice axes.
     axes: Matrix3,
     pub(super) gravity: Vector3,
@@ -144,6 +147,7 @@ impl World {
             rigid,
             contact: None,
             self_contact: None,
+            sleepers: None,
             axes,
             gravity: Vector3::zeros(),
             arithmetic: Arithmetic::default(),
@@ -253,7 +257,10 @@ impl World {
 
     /// Sets the acceleration of every free particle, RAS+ [m/s^2].
     pub fn set_gravity(&mut self, gravity: Vector3) {
-        self.gravity = self.to_lattice_axes(gravity);
+        let gravity = self.to_lattice_axes(gravity);
+        if gravity != std::mem::replace(&mut self.gravity, gravity) {
+            self.wake_all();
+        }
     }
 
     /// Displacement of a particle from rest, lattice axes [m].
@@ -279,6 +286,7 @@ impl World {
             self.displacement[axis][slot as usize] = displacement[axis] as f32;
         }
         self.forget_clearance(slot);
+        self.wake_around(slot);
     }
 
     /// Gives a particle a velocity, lattice axes [m/s]. One of a rigid body gives it to the whole body, which stops turning;
@@ -291,6 +299,7 @@ impl World {
         for axis in 0..3 {
             self.velocity[axis][slot] = velocity[axis] as f32;
         }
+        self.wake(slot as u32);
     }
 
     /// Displacement of every particle from rest, RAS+ [mm]. Shape `[particles, 3]`.
@@ -346,9 +355,19 @@ impl World {
         let inner = self.relaxation.as_ref().map_or(0, |springs| springs.bytes())
             + self.plasticity.as_ref().map_or(0, |springs| springs.bytes())
             + self.tearing.as_ref().map_or(0, |tearing| tearing.bytes());
+        let sleepers = self.sleepers.as_ref().map_or(0, |sleepers| sleepers.bytes());
         let integration = self.integration.as_ref().map_or(0, |integration| integration.bytes(slots));
-        (state + integration + self.springs.bytes() + cells + fibres + inner + lattice + constants + rigid + contact)
-            as f64
+        (state
+            + integration
+            + self.springs.bytes()
+            + cells
+            + fibres
+            + inner
+            + lattice
+            + constants
+            + rigid
+            + contact
+            + sleepers) as f64
             / self.lattice.len() as f64
     }
 
@@ -430,7 +449,9 @@ impl World {
                 let direction = usize::from(spring.direction);
                 let far = self.lattice.neighbour(spring.particle, direction).expect("a spring has two ends");
                 let slot = |particle: u32| self.layout.slot[particle as usize];
-                self.springs.sever(slot(spring.particle), direction, slot(far), opposite(direction));
+                let ends = [slot(spring.particle), slot(far)];
+                self.springs.sever(ends[0], direction, ends[1], opposite(direction));
+                ends.into_iter().for_each(|end| self.wake_around(end));
                 if let Some(cells) = &mut self.cells {
                     for cell in self.lattice.cells_of_spring(spring.particle, direction) {
                         cells.drop_cell(&self.lattice, &self.layout, cell);
@@ -480,6 +501,7 @@ impl World {
 
     /// Brings a slot's weight in line with who claims it.
     pub(super) fn refresh(&mut self, slot: u32) {
+        self.wake(slot);
         let claims = self.claims_on(slot);
         // Bodies are held and grabbed as wholes; what is joined to anchored bone moves like it.
         let mut fixed = false;

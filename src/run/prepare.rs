@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::dynamics::World;
+use crate::dynamics::effects::sleep::Sleep;
 use crate::dynamics::integrator::{Integrator, Method};
 use crate::dynamics::stable_dt::{Limits, SAFETY};
 use crate::geometry::Point3;
@@ -29,6 +30,9 @@ const WORTH_REFUSING: f64 = 1e4;
 /// A step of backward Euler that is not asked for, over the plain step's: its error is then of the size that the frames of
 /// an animation show, and each step still costs less than the plain steps it replaces where stiff and soft tissue meet.
 const LONG_STEP: f64 = 20.0;
+
+/// How far particles may be off because blocks sleep, over the pitch.
+const SLEEP_TOLERANCE: f64 = 0.01;
 
 /// Why a scene cannot be turned into a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -270,11 +274,15 @@ pub fn prepare(scene: &Scene, inputs: &Inputs) -> Result<Prepared, PrepareError>
 }
 
 impl Prepared {
-    /// The lattice at rest, under the scene's gravity and drag, with its arithmetic.
+    /// The lattice at rest, under the scene's gravity and drag, with its arithmetic and its sleep.
     pub fn into_world(self, scene: &Scene) -> World {
         let mut world = World::new(self.lattice, self.assembly, self.schedule.dt);
         world.set_gravity(scene.gravity);
         world.set_drag(scene.drag.unwrap_or(0.0));
+        world.set_sleep(scene.sleep.map(|sleep| Sleep {
+            tolerance: sleep.tolerance.unwrap_or(SLEEP_TOLERANCE * world.lattice().pitch),
+            window: sleep.window.unwrap_or_else(|| world.slowest_wave().max(world.dt())),
+        }));
         world.set_arithmetic(Arithmetic::new(InstructionSet::best(), scene.time.exact));
         let integrator = Integrator::new(scene.time.integrator);
         world.set_integrator(Integrator {

@@ -10,9 +10,11 @@ use super::checks::Checks;
 use super::diagnostics::{KeyPath, Located, Source};
 use super::problem::{Caution, Problem, number};
 use super::resolved::{
-    Action, Body, LatticeSpec, Model, Operation, Organ, PhantomKind, Scene, TimeSpec, VolumeSource, needs_plain_step,
+    Action, Body, LatticeSpec, Model, Operation, Organ, PhantomKind, Scene, SleepSpec, TimeSpec, VolumeSource,
+    needs_plain_step,
 };
 use super::schema::{self, SceneFile};
+use super::values::Switch;
 use super::{operations, organs};
 use crate::dynamics::integrator::Method;
 use crate::geometry::Vector3;
@@ -66,7 +68,8 @@ pub(super) fn resolve(
     let drag = file.drag.as_ref().map(|drag| checks.above_zero(&KeyPath::top("drag").key("rate"), drag.rate, "1/s"));
     let organs = organs::organs(&mut checks, file, lattice.model, folder, label_names);
     let operations = operations::operations(&mut checks, file, time.map(|time| time.duration), folder);
-    plain_step_only(&mut checks, time, organs.as_deref(), operations.as_deref());
+    let sleep = sleep(&mut checks, file.sleep.as_ref());
+    plain_step_only(&mut checks, time, organs.as_deref(), operations.as_deref(), sleep);
     let in_order_of_text = |found: &Located<Problem>| (found.place.line, found.place.column);
     checks.problems.sort_by_key(in_order_of_text);
     if !checks.problems.is_empty() {
@@ -76,10 +79,23 @@ pub(super) fn resolve(
     let (Some(volume), Some(time), Some(organs), Some(operations)) = (volume, time, organs, operations) else {
         return Err(checks.problems);
     };
-    let scene = Scene { volume, lattice, organs, accuracy: file.accuracy, time, gravity, drag, operations };
+    let scene = Scene { volume, lattice, organs, accuracy: file.accuracy, time, gravity, drag, sleep, operations };
     look_over(&mut checks, &scene);
     checks.cautions.sort_by_key(|found| (found.place.line, found.place.column));
     Ok((scene, checks.cautions))
+}
+
+fn sleep(checks: &mut Checks<'_>, written: Option<&Switch<schema::Sleep>>) -> Option<SleepSpec> {
+    match written? {
+        Switch::Plain(on) => on.then(SleepSpec::default),
+        Switch::Table(schema::Sleep { tolerance, window }) => {
+            let table = KeyPath::top("sleep");
+            let mut above_zero =
+                |key, value: &Option<f64>, unit| value.map(|value| checks.above_zero(&table.key(key), value, unit));
+            let tolerance = above_zero("tolerance", tolerance, "mm").map(|mm| mm * 1e-3);
+            Some(SleepSpec { tolerance, window: above_zero("window", window, "s") })
+        }
+    }
 }
 
 fn volume(checks: &mut Checks<'_>, written: &schema::Volume, folder: &Path) -> Option<VolumeSource> {
@@ -198,15 +214,16 @@ fn plain_step_only(
     time: Option<TimeSpec>,
     organs: Option<&[Organ]>,
     operations: Option<&[Operation]>,
+    sleep: Option<SleepSpec>,
 ) {
     let Some(integrator) = time.map(|time| time.integrator).filter(|&method| method != Method::SymplecticEuler) else {
         return;
     };
     let (organs, operations) = (organs.unwrap_or_default(), operations.unwrap_or_default());
-    if let Some(second) = needs_plain_step(organs, operations) {
+    if let Some(second) = needs_plain_step(organs, operations, sleep) {
         let first = format!("integrator = \"{}\"", integrator.name());
         let next =
-            "only \"symplectic_euler\", the default, has contact, rigid bodies that move, relaxation, plasticity and tearing: \
+            "only \"symplectic_euler\", the default, has contact, rigid bodies that move, relaxation, plasticity, tearing and sleep: \
              leave `integrator` out"
                 .to_owned();
         checks.problem(&KeyPath::top("time").key("integrator"), Problem::Conflict { first, second, next });

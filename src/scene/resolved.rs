@@ -37,8 +37,23 @@ pub struct Scene {
     /// Velocities that are free die down like `exp(-drag t)` besides what forces do [1/s]; `None` without drag.
     #[serde(rename = "drag_per_s", default)]
     pub drag: Option<f64>,
+    /// When blocks at rest are left out of the step; `None` where every block is stepped.
+    #[serde(default)]
+    pub sleep: Option<SleepSpec>,
     /// What happens when, by ascending [`Operation::from`]; at the same time in the order of the scene's text.
     pub operations: Vec<Operation>,
+}
+
+/// When blocks at rest are left out of the step, see [`crate::dynamics::effects::sleep`].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SleepSpec {
+    /// How far particles may be off for it [m]; `None` for a share of the pitch.
+    #[serde(rename = "tolerance_m")]
+    pub tolerance: Option<f64>,
+    /// How long a block has to be at rest [s]; `None` for the time of a wave through the lattice.
+    #[serde(rename = "window_s")]
+    pub window: Option<f64>,
 }
 
 /// Where the voxels come from.
@@ -122,7 +137,7 @@ pub struct Organ {
 }
 
 /// What of a scene only the plain step has, in words; `None` when every integrator will do.
-pub fn needs_plain_step(organs: &[Organ], operations: &[Operation]) -> Option<String> {
+pub fn needs_plain_step(organs: &[Organ], operations: &[Operation], sleep: Option<SleepSpec>) -> Option<String> {
     let obstacle = operations.iter().find_map(|operation| match operation.action {
         Action::Tool { .. } => Some(format!("tool {}", operation.name)),
         Action::Plane { .. } => Some(format!("plane {}", operation.name)),
@@ -134,7 +149,7 @@ pub fn needs_plain_step(organs: &[Organ], operations: &[Operation]) -> Option<St
     let free = free.map(|organ| format!("organ {} that is rigid and moves", organ.name));
     let flowing = organs.iter().find(|organ| organ.inelastic != Inelastic::default());
     let flowing = flowing.map(|organ| format!("organ {} that relaxes, yields or tears", organ.name));
-    obstacle.or(free).or(flowing)
+    obstacle.or(free).or(flowing).or(sleep.map(|_| "sleep".to_owned()))
 }
 
 /// Fibres of one direction.
@@ -583,6 +598,7 @@ mod tests {
             },
             gravity: Vector3::new(0.0, 0.0, -9.81),
             drag: Some(0.3),
+            sleep: Some(SleepSpec { tolerance: Some(0.1 + 0.2), window: None }),
             operations: actions
                 .into_iter()
                 .zip([f64::INFINITY, 0.1 + 0.2, 1e9].into_iter().cycle())

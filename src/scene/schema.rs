@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::resolved::{Model, PhantomKind};
-use super::values::{ColorPoint, LabelList, Pair, Triple, some_table, table, tables};
+use super::values::{ColorPoint, LabelList, Pair, Switch, Triple, some_table, table, tables};
 use super::written_property::{Density, Written, YoungsModulus};
 use crate::dynamics::integrator::Method;
 
@@ -28,6 +28,10 @@ pub(super) struct SceneFile {
     /// themselves. Example: `accuracy = 0.02`.
     #[schemars(extend("minimum" = 1e-6, "maximum" = 0.5))]
     pub(super) accuracy: Option<f64>,
+    /// Leaves blocks of 16 x 8 x 8 grid points out of the step while they are at rest, and wakes them when something reaches
+    /// them: true, or a table `[sleep]` with `tolerance` and `window`. `true` comes before all tables. Only with
+    /// `time.integrator = "symplectic_euler"`. Default: false, every block is stepped. Example: `sleep = true`.
+    pub(super) sleep: Option<Switch<Sleep>>,
     /// Where the voxels come from: files, or a phantom made by the program.
     #[serde(deserialize_with = "table")]
     pub(super) volume: Volume,
@@ -312,6 +316,21 @@ pub(super) struct Drag {
     /// soonest with twice the angular frequency of the slowest swing. Example: `rate = 2.0`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub(super) rate: f64,
+}
+
+/// When blocks at rest are left out of the step.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sleep {
+    /// How far particles may be off because blocks sleep, near enough [mm], above 0: a block sleeps while it and its surroundings
+    /// move by less. Default: a hundredth of the pitch. Example: `tolerance = 0.05`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) tolerance: Option<f64>,
+    /// How long a block has to be at rest before it sleeps, twice in a row [s], above 0. Shorter than a quarter of the period in which
+    /// the body swings, it also sleeps where it turns. Default: the time in which a shear wave crosses the longest side of the
+    /// lattice. Example: `window = 0.1`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub(super) window: Option<f64>,
 }
 
 /// A region held where it is.

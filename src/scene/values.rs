@@ -1,5 +1,5 @@
 //! Values of a scene that derived readers would accept too freely or refuse without a reason: tables that must not be
-//! lists, lists of exactly two or three numbers, labels by number or name.
+//! lists, switches that may be tables, lists of exactly two or three numbers, labels by number or name.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -18,6 +18,40 @@ pub(super) fn some_table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
 ) -> Result<Option<T>, D::Error> {
     table(deserializer).map(Some)
+}
+
+/// True or false, or a table that says more than true.
+#[derive(Debug, JsonSchema)]
+#[serde(untagged)]
+pub(super) enum Switch<T> {
+    /// As is, or not at all.
+    Plain(bool),
+    /// In this way.
+    Table(T),
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Switch<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(SwitchVisitor(PhantomData))
+    }
+}
+
+struct SwitchVisitor<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for SwitchVisitor<T> {
+    type Value = Switch<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("true, false or a table")
+    }
+
+    fn visit_bool<E: Error>(self, on: bool) -> Result<Switch<T>, E> {
+        Ok(Switch::Plain(on))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Switch<T>, A::Error> {
+        T::deserialize(MapAccessDeserializer::new(map)).map(Switch::Table)
+    }
 }
 
 /// Reads a list of tables.

@@ -28,7 +28,7 @@ pub const TOLERANCE: f64 = 1e-5;
 
 /// Those that a scene can be stepped with.
 pub fn methods_for(scene: &Scene) -> &'static [Method] {
-    if needs_plain_step(&scene.organs, &scene.operations).is_some() { &METHODS[..1] } else { METHODS }
+    if needs_plain_step(&scene.organs, &scene.operations, scene.sleep).is_some() { &METHODS[..1] } else { METHODS }
 }
 
 /// Whether the error of a method goes with a power of a step that is the same all along: only by such a one others are judged.
@@ -70,7 +70,11 @@ impl fmt::Display for Arithmetic {
 
 /// Those that a scene can be stepped in: f64 knows no more than the other integrators do.
 pub fn arithmetic_for(scene: &Scene) -> &'static [Arithmetic] {
-    if needs_plain_step(&scene.organs, &scene.operations).is_some() { &Arithmetic::ALL[..2] } else { &Arithmetic::ALL }
+    if needs_plain_step(&scene.organs, &scene.operations, scene.sleep).is_some() {
+        &Arithmetic::ALL[..2]
+    } else {
+        &Arithmetic::ALL
+    }
 }
 
 /// One point of the grid of choices.

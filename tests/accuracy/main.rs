@@ -94,7 +94,7 @@ fn find(scene: &Scene, inputs: &Inputs) -> Found {
 /// What a run is compared with.
 fn reference(scene: &Scene, inputs: &Inputs, own: Choice) -> Trial {
     let choice = if case_is_fixed(scene) {
-        let plain = needs_plain_step(&scene.organs, &scene.operations).is_some();
+        let plain = needs_plain_step(&scene.organs, &scene.operations, scene.sleep).is_some();
         let method = if plain { Method::SymplecticEuler } else { Method::Rk4 };
         Choice { method, fineness: SHORTER, ..own }
     } else {
@@ -189,7 +189,7 @@ fn too_few_voxels_are_no_ground_to_judge_by() {
 
 /// What a study of a scene tries by itself: at a named pitch all integrators and steps, else all pitches too.
 fn studied(scene: &Scene, own: Choice) -> Vec<Choice> {
-    let plain = needs_plain_step(&scene.organs, &scene.operations).is_some();
+    let plain = needs_plain_step(&scene.organs, &scene.operations, scene.sleep).is_some();
     let methods = if plain { &METHODS[..1] } else { &METHODS };
     let pitches =
         if case_is_fixed(scene) { vec![own.pitch_mm] } else { PITCHES.map(|share| share * VOXEL_MM).to_vec() };

@@ -12,3 +12,4 @@ mod fibres;
 mod inelastic;
 mod lips;
 mod pressure;
+mod sleep;

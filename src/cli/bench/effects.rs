@@ -59,7 +59,7 @@ macro_rules! pressed_lips {
 const PRESSED_LIPS: &str = pressed_lips!();
 
 /// Each effect alone, and contact of tissue with itself among what it is for.
-const EFFECTS: [Effect; 19] = [
+const EFFECTS: [Effect; 20] = [
     of_tables("gravity", "[gravity]\nacceleration = [0, 0, -9.81]"),
     of_organ("dampers", "damping_ratio = 0.2"),
     of_organ("volume term", "poissons_ratio = 0.45"),
@@ -88,12 +88,14 @@ const EFFECTS: [Effect; 19] = [
     of_tables("self contact", "[self_contact]\nfriction = 0.1"),
     of_tables("lips pressed together", PRESSED_LIPS),
     of_tables("lips pressed, self contact", concat!("[self_contact]\nfriction = 0.1\n", pressed_lips!())),
+    of_tables("sleep, nothing moves", "[sleep]"),
     Effect { time: "exact = true", ..effect("exact arithmetic") },
     effect("nothing (noise)"),
 ];
 
 /// The usual company: names of [`EFFECTS`].
-const COMPANY: [(&str, &[&str]); 3] = [
+const COMPANY: [(&str, &[&str]); 4] = [
+    ("pull and sleep", &["pull", "sleep, nothing moves"]),
     ("tissue at rest", &["gravity", "dampers", "volume term", "fix"]),
     ("surgery", &["gravity", "dampers", "volume term", "fix", "cut", "tool"]),
     (

@@ -178,6 +178,11 @@ pub(in crate::dynamics) struct Pushed<'a> {
 }
 
 impl PressedFaces {
+    /// Particles at the corners, ascending.
+    pub(in crate::dynamics) fn particles(&self) -> &[u32] {
+        &self.particles
+    }
+
     fn new(faces: &[Face]) -> Self {
         let mut pressed = Self {
             faces: faces.to_vec(),

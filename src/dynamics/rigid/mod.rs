@@ -129,6 +129,11 @@ impl Bodies {
         self.bodies.iter_mut().for_each(|body| body.slow(kept));
     }
 
+    /// Whether a block has free rigid particles.
+    pub(super) fn is_in(&self, block: usize) -> bool {
+        !self.range(block).is_empty()
+    }
+
     /// Takes the velocities of a block's rigid particles out of the kick.
     pub(super) fn clear_block(&self, block: usize, velocity: &mut [&mut [f32; BLOCK_LEN]; 3]) {
         for &slot in &self.slots[self.range(block)] {
