@@ -12,7 +12,7 @@
 //! Not guaranteed: that every severed spring passes through the sheet. Where tissue is stretched over more than a few
 //! pitches the sheet is left open; a surface must follow the springs first and the sheet second.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 
 use rayon::prelude::*;
 
@@ -20,7 +20,7 @@ use super::blade::{Piece, Sweep};
 use super::bounds::Bounds;
 use super::crossing::Crossing;
 use super::tissue::{Tissue, slots_of};
-use crate::geometry::{Matrix3, Point3, Vector3};
+use crate::geometry::{CellMap, Matrix3, Point3, Vector3};
 use crate::lattice::build::corners;
 use crate::lattice::layout::BLOCK_LEN;
 use crate::lattice::{Lattice, NO_PARTICLE, neighbours};
@@ -62,7 +62,7 @@ pub(crate) struct SheetRecorder {
     /// Quads no spring near was severed for yet: test, cell, corners.
     pending: VecDeque<(Test, [i64; 3], [u32; 4])>,
     /// Last test in which a spring was severed in each cell.
-    severed: HashMap<[i64; 3], Test>,
+    severed: CellMap<[i64; 3], Test>,
 }
 
 /// One test of a blade: the way of all blades through tissue before it and after it [pitches].
@@ -238,7 +238,7 @@ struct Cells<'a> {
     /// Box of each cell, from the beginning to the end of the test.
     bounds: Vec<Bounds>,
     /// Those whose box, from the beginning to the end of the test, meets each cube of a pitch.
-    buckets: HashMap<[i64; 3], Vec<u32>>,
+    cubes: Cubes,
     /// Largest distance that one of their corners moves during the whole test [m].
     longest_move: f64,
 }
@@ -270,7 +270,7 @@ impl<'a> Cells<'a> {
                 })
             })
             .collect();
-        let mut cells = Self { tissue, list, bounds: Vec::new(), buckets: HashMap::new(), longest_move: 0.0 };
+        let mut cells = Self { tissue, list, bounds: Vec::new(), cubes: Cubes::default(), longest_move: 0.0 };
         let boxed: Vec<([usize; 3], [u32; 8], Bounds)> = cells
             .list
             .par_iter()
@@ -283,8 +283,9 @@ impl<'a> Cells<'a> {
             })
             .filter(|(.., bounds)| reach.meets(bounds))
             .collect();
-        for (number, (.., bounds)) in (0..).zip(&boxed) {
-            let [low, high] = [bounds.min, bounds.max].map(|corner| cells.bucket_of(corner));
+        // From the last on: each cube gives them back ascending.
+        for (number, (.., bounds)) in boxed.iter().enumerate().rev() {
+            let [low, high] = [bounds.min, bounds.max].map(|corner| cells.cube_of(corner));
             let cubes: i64 = (0..3).map(|axis| (high[axis] - low[axis] + 1).min(MOST_CUBES)).product();
             if cubes > MOST_CUBES {
                 continue;
@@ -292,13 +293,13 @@ impl<'a> Cells<'a> {
             for k in low[2]..=high[2] {
                 for j in low[1]..=high[1] {
                     for i in low[0]..=high[0] {
-                        cells.buckets.entry([i, j, k]).or_default().push(number);
+                        cells.cubes.add([i, j, k], number as u32);
                     }
                 }
             }
         }
         let moved = |&particle: &u32| (cells.displacement(particle, 1.0) - cells.displacement(particle, 0.0)).norm();
-        let longest = boxed.iter().flat_map(|(_, corners, _)| corners).map(moved).fold(0.0, f64::max);
+        let longest = boxed.par_iter().flat_map_iter(|(_, corners, _)| corners).map(moved).reduce(|| 0.0, f64::max);
         let (list, bounds) = boxed.into_iter().map(|(ijk, corners, bounds)| ((ijk, corners), bounds)).unzip();
         Self { list, bounds, longest_move: longest, ..cells }
     }
@@ -343,32 +344,58 @@ impl<'a> Cells<'a> {
     /// Index at rest of what is at a place at a share of the test [m]: from the first cell that holds it, else from the nearest
     /// within reach.
     fn rest_of(&self, place: Vector3, share: f64) -> Option<Vector3> {
-        let bucket = self.bucket_of(place);
-        let found = |number: &u32| {
-            let (ijk, corners) = self.list[*number as usize];
+        let cube = self.cube_of(place);
+        let found = |number: u32| {
+            let (ijk, corners) = self.list[number as usize];
             let local = local(&self.corner_places(ijk, corners, share), place)?;
             Some((Vector3::from(ijk.map(|i| i as f64)), local))
         };
-        let own = self.buckets.get(&bucket).into_iter().flatten();
-        if let Some((low, local)) = own.filter_map(found).find(|(_, local)| outside(local) <= 1e-9) {
+        if let Some((low, local)) = self.cubes.of(cube).filter_map(found).find(|(_, local)| outside(local) <= 1e-9) {
             return Some(low + local);
         }
         // Not inside any: the nearest cells by their boxes, and among them the one it is least outside of.
-        let around = (0..125).map(|step| [0, 1, 2].map(|axis| bucket[axis] + step / [1, 5, 25][axis] % 5 - 2));
-        let mut near: Vec<u32> = around.filter_map(|bucket| self.buckets.get(&bucket)).flatten().copied().collect();
+        let around = (0..125).map(|step| [0, 1, 2].map(|axis| cube[axis] + step / [1, 5, 25][axis] % 5 - 2));
+        let mut near: Vec<u32> = around.flat_map(|cube| self.cubes.of(cube)).collect();
         near.sort_unstable();
         near.dedup();
         let mut near: Vec<(f64, u32)> =
             near.into_iter().map(|number| (self.bounds[number as usize].distance(place), number)).collect();
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(MOST_NEAR);
-        let found = near.iter().filter_map(|(_, number)| found(number));
+        let found = near.iter().filter_map(|&(_, number)| found(number));
         let (low, local) = found.min_by(|(_, a), (_, b)| outside(a).total_cmp(&outside(b)))?;
         (outside(&local) <= REACH).then(|| low + local)
     }
 
-    fn bucket_of(&self, place: Vector3) -> [i64; 3] {
+    fn cube_of(&self, place: Vector3) -> [i64; 3] {
         cell_of(place / self.tissue.lattice.pitch)
+    }
+}
+
+/// Cells by the cubes they meet, chained: nothing is reserved per cube.
+#[derive(Default)]
+struct Cubes {
+    /// The last entry of each cube.
+    last: CellMap<[i64; 3], u32>,
+    /// A cell, and the entry of its cube before this one.
+    entries: Vec<(u32, Option<u32>)>,
+}
+
+impl Cubes {
+    fn add(&mut self, cube: [i64; 3], cell: u32) {
+        let entry = self.entries.len() as u32;
+        let before = self.last.insert(cube, entry);
+        self.entries.push((cell, before));
+    }
+
+    /// Those of a cube, the last that was added first.
+    fn of(&self, cube: [i64; 3]) -> impl Iterator<Item = u32> + '_ {
+        let mut next = self.last.get(&cube).copied();
+        std::iter::from_fn(move || {
+            let (cell, before) = self.entries[next? as usize];
+            next = before;
+            Some(cell)
+        })
     }
 }
 

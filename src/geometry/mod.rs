@@ -4,9 +4,11 @@
 //! Grids count voxels from 0 at the *centre* of the first voxel, x fastest.
 
 mod affine;
+mod cell_map;
 mod grid;
 
 pub use affine::{Affine, AffineError};
+pub(crate) use cell_map::{CellMap, CellSet};
 pub use grid::{Grid, GridShape};
 
 /// A point in patient space, RAS+ [mm], or in a frame named by the variable that holds it.

@@ -1,16 +1,14 @@
 //! Joins the vertices of triangle soups, such as STL files, back into an indexed mesh.
 
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
-
 use super::mesh::TriangleMesh;
+use crate::geometry::CellMap;
 
 /// Joins vertices that lie within `tolerance` [mm] of each other; with 0 only those that are equal.
 ///
 /// A vertex joins the nearest earlier one that stands for others, so the answer depends on the order of the triangles
 /// but not on anything else. Triangles that collapse are kept, for [`super::check`] to count.
 pub fn weld(soup: &[[[f32; 3]; 3]], tolerance: f32) -> TriangleMesh {
-    let mut welder = Welder { tolerance, cells: HashMap::default(), next: Vec::new(), positions: Vec::new() };
+    let mut welder = Welder { tolerance, cells: CellMap::default(), next: Vec::new(), positions: Vec::new() };
     let triangles = soup.iter().map(|triangle| triangle.map(|place| welder.vertex(place))).collect();
     TriangleMesh { positions: welder.positions, triangles, ..TriangleMesh::default() }
 }
@@ -29,7 +27,7 @@ const END: u32 = u32::MAX;
 struct Welder {
     tolerance: f32,
     /// First vertex of each cell of a grid as wide as the tolerance (of each place, when the tolerance is 0).
-    cells: HashMap<[i64; 3], u32, BuildHasherDefault<CellHasher>>,
+    cells: CellMap<[i64; 3], u32>,
     /// Next vertex in the same cell.
     next: Vec<u32>,
     positions: Vec<[f32; 3]>,
@@ -67,25 +65,6 @@ impl Welder {
         self.positions.push(place);
         self.next.push(self.cells.insert(cell, vertex).unwrap_or(END));
         vertex
-    }
-}
-
-/// Multiplies and folds: enough for three integers, and many times as quick as the standard hash.
-#[derive(Default)]
-pub(super) struct CellHasher(u64);
-
-impl Hasher for CellHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, bytes: &[u8]) {
-        for part in bytes.chunks(8) {
-            let mut word = [0; 8];
-            word[..part.len()].copy_from_slice(part);
-            let product = u128::from(self.0 ^ u64::from_le_bytes(word)) * 0x9e37_79b9_7f4a_7c15;
-            self.0 = (product as u64) ^ (product >> 64) as u64;
-        }
     }
 }
 

@@ -1,23 +1,19 @@
 //! Keeps new places clear of all other vertices, so that importers which weld by place join nothing.
 
-use std::collections::HashMap;
-use std::hash::BuildHasherDefault;
-
 use super::halves::NONE;
-use crate::geometry::Vector3;
-use crate::surface::weld::CellHasher;
+use crate::geometry::{CellMap, Vector3};
 
 /// Vertices by the cell of a grid they lie in, two clearances wide.
 #[derive(Debug)]
 pub(super) struct Clearance {
     clearance: f64,
-    first: HashMap<[i64; 3], u32, BuildHasherDefault<CellHasher>>,
+    first: CellMap<[i64; 3], u32>,
     next: Vec<u32>,
 }
 
 impl Clearance {
     pub(super) fn new(clearance: f64, places: &[Vector3], used: impl Fn(u32) -> bool) -> Self {
-        let mut grid = Self { clearance, first: HashMap::default(), next: vec![NONE; places.len()] };
+        let mut grid = Self { clearance, first: CellMap::default(), next: vec![NONE; places.len()] };
         grid.first.reserve(places.len());
         for vertex in (0..places.len() as u32).filter(|&vertex| used(vertex)) {
             grid.insert(vertex, places[vertex as usize]);

@@ -9,10 +9,10 @@
 //! The corners that are seen: Belytschko, Lu and Gu, Element-free Galerkin methods, 1994 ("visibility criterion"). The corners
 //! that are continued: Molino, Bao and Fedkiw, A virtual node algorithm for changing mesh topology during simulation, 2004.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use super::knife::Knife;
-use crate::geometry::Vector3;
+use crate::geometry::{CellSet, Vector3};
 use crate::lattice::build::corners;
 use crate::lattice::cells::cells_of_spring;
 use crate::lattice::neighbours::{OFFSETS, direction_of};
@@ -35,12 +35,12 @@ pub(super) struct Hosts<'a> {
     topology: &'a Topology,
     knife: &'a Knife,
     /// Cells a blade went into, by its sheet or by a severed spring.
-    touched: HashSet<[i32; 3]>,
+    touched: CellSet<[i32; 3]>,
 }
 
 impl<'a> Hosts<'a> {
     pub(super) fn new(lattice: &'a Lattice, topology: &'a Topology, knife: &'a Knife) -> Self {
-        let mut touched: HashSet<[i32; 3]> = knife.cells().collect();
+        let mut touched: CellSet<[i32; 3]> = knife.cells().collect();
         let shape = lattice.grid.shape;
         for spring in topology.severed() {
             let offset = OFFSETS[usize::from(spring.direction)];

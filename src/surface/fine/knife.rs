@@ -1,11 +1,9 @@
 //! A cut sheet as something to ask: does this segment pass through it?
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use crate::cut::CutSheet;
-use crate::geometry::{Affine, Point3, Vector3};
+use crate::geometry::{Affine, CellMap, Point3, Vector3};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use crate::lattice::{Lattice, NO_PARTICLE, SeveredSpring};
 
@@ -21,7 +19,7 @@ pub(super) struct Knife {
     triangles: Vec<[Vector3; 3]>,
     times: Vec<f64>,
     /// Triangles that may reach into each cell, by its lowest corner.
-    cells: HashMap<[i32; 3], Vec<u32>>,
+    cells: CellMap<[i32; 3], Vec<u32>>,
 }
 
 impl Knife {
@@ -36,7 +34,7 @@ impl Knife {
         let triangles: Vec<[Vector3; 3]> =
             sheet.quads.iter().map(corners).flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         let times = sheet.times.iter().flat_map(|&time| [time; 2]).collect();
-        let mut cells: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
+        let mut cells = CellMap::<[i32; 3], Vec<u32>>::default();
         for (number, triangle) in (0..).zip(&triangles) {
             let [low, high] = bounds(triangle);
             each_point(low.map(f64::floor), high.map(f64::floor), |cell| cells.entry(cell).or_default().push(number));
