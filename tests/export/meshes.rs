@@ -200,6 +200,22 @@ fn glb_gives_back_organs_within_single_precision() {
     }
 }
 
+/// Blender 5.0 reads a mesh with several attributes of its own on some of its starts only.
+#[test]
+fn a_label_that_all_vertices_have_is_written_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.glb");
+    let mut organs = organs();
+    organs[1].mesh.labels.fill(7);
+    write(MeshFormat::Glb, &path, &organs);
+    let (json, _) = chunks(&path);
+    let labels = |n: usize| json["meshes"][n]["primitives"][0]["attributes"].get("_LABEL");
+    assert!(labels(0).is_some() && labels(1).is_none());
+    assert_eq!((json["meshes"][0].get("extras"), &json["meshes"][1]["extras"]["label"]), (None, &serde_json::json!(7)));
+    let found = MeshFormat::Glb.read(&path).unwrap();
+    assert_eq!([&found[0].mesh.labels, &found[1].mesh.labels], [&organs[0].mesh.labels, &organs[1].mesh.labels]);
+}
+
 /// True when all parts are within a relative or an absolute distance.
 pub(crate) fn near(found: &[[f32; 3]], expected: &[[f32; 3]], relative: f32, absolute: f32) -> bool {
     let close = |(a, b): (&f32, &f32)| (a - b).abs() <= absolute.max(relative * b.abs());

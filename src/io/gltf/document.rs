@@ -20,7 +20,7 @@ use gltf_json::{Accessor, Index, Material, Mesh, Node, Root, Scene, animation, b
 
 use super::container::Container;
 use super::material::material;
-use super::vertices::{Placing, Precision, largest_size};
+use super::vertices::{Placing, Precision, largest_size, one_label};
 use crate::io::atomic;
 use crate::io::encode::{push_f32, write_records};
 use crate::io::mesh_error::{WriteMeshError, check_organ};
@@ -30,7 +30,7 @@ use crate::surface::mesh::OrganMesh;
 const LIMIT: u64 = u32::MAX as u64;
 /// Vertices from which triangles need 32-bit indices: 65535 marks a restart in 16-bit ones.
 const SHORT_INDICES: usize = 65_535;
-const SPACE: &str = r#"{"unit":"metre","axes":"+X patient left, +Y head, +Z front","patient_space":"RAS+ mm = (-1000 x, 1000 z, 1000 y)","attributes":"_LABEL; _DISPLACEMENT m, from rest; _HU HU; _STRAIN 1; _SPEED m/s"}"#;
+const SPACE: &str = r#"{"unit":"metre","axes":"+X patient left, +Y head, +Z front","patient_space":"RAS+ mm = (-1000 x, 1000 z, 1000 y)","attributes":"_LABEL, or extras.label of a mesh with but one; _DISPLACEMENT m, from rest; _HU HU; _STRAIN 1; _SPEED m/s"}"#;
 
 /// See the module.
 pub(super) struct DocumentWriter {
@@ -171,7 +171,9 @@ impl DocumentWriter {
         targets: Option<Vec<mesh::MorphTarget>>,
     ) -> io::Result<Index<Mesh>> {
         let (material, indices) = (self.push_material(organ), self.push_indices(organ)?);
-        let (extensions, extras, weights) = (None, None, None);
+        let extras = one_label(&organ.mesh).map(|label| RawValue::from_string(format!(r#"{{"label":{label}}}"#)));
+        let extras = extras.transpose().map_err(io::Error::from)?;
+        let (extensions, weights) = (None, None);
         let primitive = mesh::Primitive {
             attributes,
             extensions: None,

@@ -5,6 +5,8 @@
 //! mirrored: head is +Y, front is +Z, left is +X. A patient who faces the viewer stands upright, as in a mirrorless photograph.
 //! Each organ is a mesh with its name and a material by its finish; colours of vertices are `COLOR_0` (linear), and what
 //! else a vertex has travels as custom attributes: `_LABEL`, `_DISPLACEMENT` [m], `_HU` [HU], `_STRAIN`, `_SPEED` [m/s].
+//! A mesh whose vertices have one label holds it once, as `extras.label`: Blender 5.0's importer keeps custom attributes in a set
+//! without an order, and stops on some of its starts when there are two of different width.
 //!
 //! An animation is, in steps, one mesh per frame and organ, shown by step changes of its node's scale between 0 and 1, which
 //! the standard names as the way to animate visibility (glTF 2.0, section 3.5.2, on zero scale): every viewer that was tried

@@ -89,7 +89,7 @@ impl DocumentWriter {
             let displacements = self.vectors(count, None, |vertex| place(mesh.displacements[vertex], [0.0; 3]))?;
             attributes.insert(custom("DISPLACEMENT"), displacements);
         }
-        if !mesh.labels.is_empty() {
+        if !mesh.labels.is_empty() && one_label(mesh).is_none() {
             // Vertex attributes start at multiples of four bytes, so a 16-bit label takes four.
             let view = self.view(count, Some(Target::ArrayBuffer), Some(4), |range, bytes| {
                 mesh.labels[range].iter().for_each(|&label| bytes.extend_from_slice(&u32::from(label).to_le_bytes()));
@@ -165,6 +165,12 @@ impl DocumentWriter {
         accessor.normalized = true;
         Ok(self.root().push(accessor))
     }
+}
+
+/// The label that all vertices have: it is written once, beside the mesh.
+pub(super) fn one_label(mesh: &TriangleMesh) -> Option<u16> {
+    let first = *mesh.labels.first()?;
+    mesh.labels.par_iter().with_min_len(16_384).all(|&label| label == first).then_some(first)
 }
 
 fn custom(name: &str) -> Checked<Semantic> {

@@ -3,7 +3,7 @@
 use gltf_json::accessor::Type;
 use gltf_json::mesh::{Mode, Semantic};
 use gltf_json::validation::Checked;
-use gltf_json::{Index, Node, mesh};
+use gltf_json::{Extras, Index, Node, mesh};
 
 use super::GltfReader;
 use crate::geometry::{Matrix3, Matrix4, Point3, Vector3};
@@ -37,6 +37,12 @@ fn columns(mesh: &mut TriangleMesh) -> [(&'static str, &mut dyn Column); 7] {
         ("_SPEED", &mut mesh.speeds),
         ("COLOR_0", &mut mesh.colors),
     ]
+}
+
+/// The label of all vertices of a mesh. Other programs may keep anything there.
+fn label_of(extras: &Extras) -> Option<u16> {
+    let extras: serde_json::Value = serde_json::from_str(extras.as_ref()?.get()).ok()?;
+    extras.get("label")?.as_u64()?.try_into().ok()
 }
 
 impl GltfReader {
@@ -85,6 +91,9 @@ impl GltfReader {
             .into_iter()
             .filter(|(_, column)| column.len() != vertices)
             .for_each(|(_, c)| c.clear());
+        if let Some(label) = label_of(&found.extras).filter(|_| organ.mesh.labels.is_empty()) {
+            organ.mesh.labels = vec![label; vertices];
+        }
         Ok(organ)
     }
 
