@@ -7,8 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::junction::{LIP_SHIFT, NearBlade};
-use super::marching_cubes::sweep::CLEARANCE;
+use super::junction::{LIP_CLEARANCE, LIP_SHIFT, NearBlade};
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::{Lattice, SeveredSpring, neighbours};
 
@@ -18,6 +17,9 @@ const MISFIT: f64 = 0.1;
 
 /// Smallest spread of the places across the plane's second direction [pitches, rms]: a row of places fixes no plane.
 const SPREAD: f64 = 0.15;
+
+/// Cosine between a blade's normal and an edge below which the blade runs along the edge.
+const ALONG: f64 = 0.01;
 
 /// The blade near one particle, relative to it: `normal . x = offset` [pitches along the grid axes].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,7 +111,7 @@ impl Blades {
         let Some(plane) = self.plane(particle) else { return t };
         let rate = plane.normal[axis] * if upward { 1.0 } else { -1.0 };
         let reach = plane.offset / rate;
-        if reach >= 0.0 && reach < f64::from(t) { (reach as f32 - LIP_SHIFT).max(CLEARANCE) } else { t }
+        if reach >= 0.0 && reach < f64::from(t) { (reach as f32 - LIP_SHIFT).max(LIP_CLEARANCE) } else { t }
     }
 
     /// Particles the blade came near, and those next to them, ascending.
@@ -142,13 +144,9 @@ impl Blades {
     /// How far the blade moves along `axis` per step up along `across`, near the two ends of an edge; 0 where it is unknown
     /// or runs along the edge.
     pub(crate) fn slope(&self, ends: [u32; 2], axis: usize, across: usize) -> f32 {
-        let slopes = ends.iter().filter_map(|&end| {
-            let plane = self.plane(end)?;
-            let slope = -plane.normal[across] / plane.normal[axis];
-            (slope.abs() < 10.0).then_some(slope)
-        });
-        let (count, sum) = slopes.fold((0, 0.0), |(count, sum), slope| (count + 1, sum + slope));
-        if count == 0 { 0.0 } else { (sum / f64::from(count)) as f32 }
+        let facing = |plane: &BladePlane| plane.normal * plane.normal[axis].signum();
+        let normal: Vector3 = ends.iter().filter_map(|&end| self.plane(end)).map(facing).sum();
+        if normal[axis] > ALONG * normal.norm() { (-normal[across] / normal[axis]) as f32 } else { 0.0 }
     }
 }
 

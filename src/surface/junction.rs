@@ -11,6 +11,13 @@ use super::marching_cubes::sweep::CLEARANCE;
 /// coincide, and readers that weld vertices by place would close the cut.
 pub(crate) const LIP_SHIFT: f32 = 0.001;
 
+/// Places on a blade are kept this far from other places, and lips this far from the ends of their edge [pitches]. As far as crossings
+/// of the skin are, they would lie off the blade by so much that the two faces of a cut pass through each other.
+pub(crate) const LIP_CLEARANCE: f32 = 0.002;
+
+/// The least distance of a rim from the edge to the outside of its corner [pitches]: less than that of any lip, roundings included.
+const BESIDE: f32 = LIP_CLEARANCE / 2.0;
+
 /// Where a crack front lies behind its edge, as a fraction of the face: by the number of dead diagonals, since the blade
 /// has passed each diagonal it severed.
 pub(crate) const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
@@ -18,6 +25,9 @@ pub(crate) const FRONT_DEPTH: [f32; 3] = [0.3, 0.5, 0.7];
 /// How far from a known place of the skin blade and skin may meet [pitches]: the skin goes on a little beyond the last particle on its side of the
 /// blade, but how is not known for long.
 const FARTHEST: f32 = 1.5;
+
+/// How far apart the two sides of a blade may lie where they run along each other [pitches].
+const ALONGSIDE: f32 = 10.0 * LIP_SHIFT;
 
 /// A crack front as a combination of the corners of its face that hold together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +51,8 @@ pub(crate) struct RimPlace {
     pub(crate) at: [f32; 3],
     /// The same without what is known of blade and skin beyond the corner: where it goes when there is no room for it.
     pub(crate) plain: [f32; 3],
+    /// Whether it lies in the face of the cut, behind where that meets the skin: the blade has passed the corner's own edge.
+    pub(crate) behind: bool,
 }
 
 /// A crossing of the skin beside a cut, drawn along the skin to where the blade meets it.
@@ -60,6 +72,14 @@ pub(crate) struct RimCrossing {
     pub(crate) at: [f32; 3],
     /// Squared distance from where it was [pitches].
     pub(crate) moved: f32,
+}
+
+impl RimPlace {
+    /// Squared distance from where it goes when there is no room for it [pitches].
+    pub(crate) fn moved(&self) -> f32 {
+        let way = [0, 1, 2].map(|n| self.at[n] - self.plain[n]);
+        dot(way, way)
+    }
 }
 
 impl RimCrossing {
@@ -96,6 +116,7 @@ pub(crate) fn front_place(face: Face, particles: [Option<u32>; 4], m: usize, at:
 }
 
 /// What a rim must not run into at the corner opposite its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Beyond {
     /// That corner is outside.
     Nothing,
@@ -114,6 +135,11 @@ pub(crate) struct NearBlade {
 }
 
 impl NearBlade {
+    /// Whether a sheet from the lip on the other side to the edge facing the cut edge runs along the blade.
+    pub(crate) fn runs_along(&self, sheet: f32) -> bool {
+        self.past([sheet, 1.0, 0.0]).abs() <= ALONGSIDE
+    }
+
     /// How far a place lies beyond the blade, by the length of the normal.
     pub(crate) fn past(&self, place: [f32; 3]) -> f32 {
         dot(self.normal, place) - self.offset
@@ -127,9 +153,9 @@ impl NearBlade {
             return None;
         }
         // Both places are vertices of their own.
-        let share = share.clamp(CLEARANCE, 1.0 - CLEARANCE);
+        let share = share.clamp(LIP_CLEARANCE, 1.0 - LIP_CLEARANCE);
         let at = |n: usize| skin[0][n] + share * (skin[1][n] - skin[0][n]);
-        Some([at(0).max(CLEARANCE), at(1), 0.0])
+        Some([at(0).max(BESIDE), at(1), 0.0])
     }
 
     /// Where it meets the skin nearest to a place of the skin with its normal.
@@ -139,12 +165,17 @@ impl NearBlade {
         let far = -self.past(place) / dot(self.normal, way);
         let step = way.map(|c| c * far);
         let at = [0, 1, 2].map(|n| place[n] + step[n]);
-        (dot(step, step) <= FARTHEST * FARTHEST && at[0] >= CLEARANCE).then_some(at)
+        (dot(step, step) <= FARTHEST * FARTHEST && at[0] >= BESIDE).then_some(at)
     }
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Whether the blade passes the edge to the outside, seen from a rim's corner, before it reaches the height of the skin.
+pub(crate) fn passes_corner(lip: f32, skin: f32, slope: f32) -> bool {
+    lip + slope * skin < BESIDE
 }
 
 /// Place of a rim, as fractions of the cut edge and of the edge to the outside from their corner: where blade and skin meet,
@@ -164,10 +195,10 @@ pub(crate) fn rim_at(
         // The blade at the height of the skin. Where it has passed the corner's own edge by then, the rim lies where it does so;
         // where it has passed the far edge, the skin ends there.
         let at = (lip + slope * skin).min(1.0 - CLEARANCE - 2.0 * LIP_SHIFT);
-        if at >= CLEARANCE {
+        if at >= BESIDE {
             return [at, skin, 0.0];
         }
-        [CLEARANCE, ((CLEARANCE - lip) / slope).clamp(CLEARANCE.min(skin), skin), 0.0]
+        [BESIDE, ((BESIDE - lip) / slope).clamp(CLEARANCE.min(skin), skin), 0.0]
     });
     // A line the rim stays on the near side of: through (from, 0) and (to, 1).
     let (from, to) = match beyond {

@@ -2,7 +2,8 @@
 //!
 //! What the blade left joined decides the triangles, before the rim is placed: a straight rim can have three of its vertices in one
 //! triangle, two vertices can want the same place, and where blades cross or end the skin of one side can reach over to the other.
-//! These stay where they are without what is known of their blade.
+//! Of each such conflict one rim stays where it is without what is known of its blade (see [`super::seam::refuse`]), then all are looked
+//! at again: a vertex that gives way often makes room for the others.
 
 use std::collections::HashMap;
 
@@ -12,14 +13,34 @@ use super::embed::{Carrier, Embedding, Vertex};
 use super::normals::Sheet;
 use crate::geometry::Vector3;
 
-/// Smallest area of a triangle at a rim [squared pitches]: a tenth of that of the smallest one between the places that crossings,
-/// kept clear of the ends of their edges, can have.
+/// Smallest area of a triangle at a rim [squared pitches]: a tenth of that of the smallest one between crossings of the skin, which are
+/// kept clear of the ends of their edges.
 const SMALLEST: f64 = 2e-5;
 
-/// Numbers of the rims of an embedding that crowd the surface, ascending.
+/// Rims that crowd the surface together: of one triangle, of an edge and the triangle it passes through, or of one place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Conflict([u32; 5]);
+
+/// No rim.
+const NONE: u32 = u32::MAX;
+
+impl Conflict {
+    fn of(vertices: impl IntoIterator<Item = Option<u32>>) -> Self {
+        let mut rims = [NONE; 5];
+        rims.iter_mut().zip(vertices.into_iter().flatten()).for_each(|(place, rim)| *place = rim);
+        Self(rims)
+    }
+
+    /// Their numbers in the embedding.
+    pub(super) fn rims(&self) -> impl Iterator<Item = usize> + use<> {
+        self.0.into_iter().filter(|&rim| rim != NONE).map(|rim| rim as usize)
+    }
+}
+
+/// The rims of an embedding that crowd the surface.
 ///
 /// - `pitch_mm`: of its lattice \[mm\].
-pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec<u32> {
+pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec<Conflict> {
     if embedding.rims.is_empty() {
         return Vec::new();
     }
@@ -28,21 +49,19 @@ pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f
         let corners = triangle.map(vertex);
         corners.iter().any(|corner| rim_of(corner).is_some()) && area(corners) < SMALLEST * pitch_mm.powi(2)
     };
-    let mut found: Vec<u32> = triangles
+    let mut found: Vec<Conflict> = triangles
         .par_iter()
         .filter(flat)
-        .flat_map_iter(|triangle| triangle.map(|corner| rim_of(vertex(corner))).into_iter().flatten())
+        .map(|triangle| Conflict::of(triangle.map(|corner| rim_of(vertex(corner)))))
         .collect();
     found.extend(piercing(embedding, triangles, pitch_mm));
     let mut places: HashMap<[u32; 3], &Vertex> = HashMap::new();
     for vertex in embedding.vertices.iter().filter(|vertex| vertex.sheet != Sheet::Skin || rim_of(vertex).is_some()) {
         // As files hold it: what welds vertices by place must not join these.
         if let Some(other) = places.insert(vertex.rest.map(|c| (c as f32).to_bits()), vertex) {
-            found.extend([vertex, other].into_iter().filter_map(rim_of));
+            found.push(Conflict::of([vertex, other].map(rim_of)));
         }
     }
-    found.par_sort_unstable();
-    found.dedup();
     found
 }
 
@@ -60,7 +79,7 @@ fn area(corners: [&Vertex; 3]) -> f64 {
 }
 
 /// Rims of triangles that pass through others: of an edge and a triangle without a common vertex, one of them at a rim.
-fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec<u32> {
+fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec<Conflict> {
     let at = |number: u32| Vector3::from(embedding.vertices[number as usize].rest);
     let rim = |corner: &u32| rim_of(&embedding.vertices[*corner as usize]);
     let at_rim = |corners: &[u32]| corners.iter().any(|corner| rim(corner).is_some());
@@ -96,7 +115,7 @@ fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec
                         && (edge_at_rim || at_rim(*other))
                         && pierces(at(one), at(two), other.map(at))
                     {
-                        found.extend([one, two].iter().chain(*other).filter_map(rim));
+                        found.push(Conflict::of([one, two].iter().chain(*other).map(rim)));
                     }
                 }
             }

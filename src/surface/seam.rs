@@ -13,12 +13,15 @@
 use rayon::prelude::*;
 
 use super::blade::Blades;
-use super::junction::{Beyond, FrontPlace, LIP_SHIFT, NearBlade, RimCrossing, RimPlace, front_place, rim_at};
+use super::junction::{
+    Beyond, FrontPlace, LIP_CLEARANCE, LIP_SHIFT, NearBlade, RimCrossing, RimPlace, front_place, passes_corner, rim_at,
+};
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::cell::{Cell, Patch};
-use super::marching_cubes::cube::{EDGES, RINGS, corner_offset};
+use super::marching_cubes::cube::{EDGES, RING_EDGES, RINGS, corner_offset, face_slot};
 use super::marching_cubes::face::{Between, Face};
 use super::marching_cubes::sweep::{CLEARANCE, Crossing, crossing_at};
+use super::rim::Conflict;
 use crate::geometry::GridShape;
 use crate::lattice::{Lattice, Topology, neighbours};
 
@@ -58,6 +61,11 @@ impl SeamEdge {
         debug_assert!(self.rim_slots >> (2 * slot + end) & 1 == 1, "no rim at slot {slot}, end {end}");
         let before = (1_u8 << (2 * slot + end)) - 1;
         (2 + self.fronts.len()) as u32 + (self.rim_slots & before).count_ones()
+    }
+
+    /// Slot of the face a rim lies in.
+    fn slot_of(&self, rim: &RimPlace) -> u8 {
+        2 * ((rim.skin_axis + 2 - self.axis) % 3) + u8::from(!rim.skin_upward)
     }
 
     /// Its place in the order of edges.
@@ -138,27 +146,32 @@ impl Gaps {
         rim_crossings.dedup_by_key(|crossing| crossing.edge);
         debug_assert!(edges.iter().zip(&keys).all(|(edge, &key)| edge.key(shape) == key));
         let cell_keys = sorted(dead.par_iter().flat_map_iter(|spring| spring.cells(shape)).collect());
-        let cells = cell_keys.par_iter().map(|&key| tissue.cell_state(key, &keys, &rim_crossings)).collect();
+        let cells = cell_keys.par_iter().map(|&key| tissue.cell_state(key, &keys, &edges, &rim_crossings)).collect();
         Self { edges, cells, rim_crossings }
     }
 }
 
-/// Puts rims, by their numbers in an embedding, where they are without what is known beyond their corners. False when all were.
-pub(super) fn refuse(rims: &[u32], edges: &mut [SeamEdge], rim_crossings: &mut Vec<RimCrossing>) -> bool {
-    let (mut changed, first) = (false, rim_crossings.len() as u32);
-    let mut numbered = (first..).zip(edges.iter_mut().flat_map(|edge| &mut edge.rims));
-    for &rim in rims.iter().filter(|&&rim| rim >= first) {
-        if let Some((_, place)) = numbered.find(|(number, _)| *number == rim) {
-            changed |= place.at != place.plain;
-            place.at = place.plain;
-        }
+/// Of the rims in each conflict puts one where it is without what is known beyond its corner: that of most conflicts, then that which
+/// moved farthest. False when there was none to put there.
+pub(super) fn refuse(conflicts: &[Conflict], edges: &mut [SeamEdge], rim_crossings: &mut Vec<RimCrossing>) -> bool {
+    // By their numbers in an embedding.
+    let rims = || edges.iter().flat_map(|edge| &edge.rims);
+    let moved: Vec<f32> =
+        rim_crossings.iter().map(|crossing| crossing.moved).chain(rims().map(RimPlace::moved)).collect();
+    let mut count = vec![0_u32; moved.len()];
+    let movable = |conflict: &Conflict| conflict.rims().filter(|&rim| moved[rim] > 0.0);
+    conflicts.iter().flat_map(movable).for_each(|rim| count[rim] += 1);
+    let order = |&a: &usize, &b: &usize| count[a].cmp(&count[b]).then(moved[a].total_cmp(&moved[b])).then(a.cmp(&b));
+    let mut refused = vec![false; moved.len()];
+    for rim in conflicts.iter().filter_map(|conflict| movable(conflict).max_by(order)) {
+        refused[rim] = true;
     }
-    let mut number = 0;
-    rim_crossings.retain(|_| {
-        number += 1;
-        rims.binary_search(&(number - 1)).is_err()
-    });
-    changed || rim_crossings.len() < first as usize
+    let mut refused = refused.into_iter();
+    rim_crossings.retain(|_| refused.next() == Some(false));
+    for (rim, _) in edges.iter_mut().flat_map(|edge| &mut edge.rims).zip(refused).filter(|(_, refused)| *refused) {
+        rim.at = rim.plain;
+    }
+    conflicts.iter().any(|conflict| movable(conflict).next().is_some())
 }
 
 /// Everything a set of severed springs changes.
@@ -370,7 +383,7 @@ impl Tissue<'_> {
         // Springs that were never there (two organs that do not hold together) part half-way where voxels are particles.
         let ends = [low, high].map(|end| self.at(end).unwrap_or(0));
         let cut = self.blades.on_edge(ends[0], axis);
-        let at = cut.unwrap_or(0.5).clamp(CLEARANCE + LIP_SHIFT, 1.0 - CLEARANCE - LIP_SHIFT);
+        let at = cut.unwrap_or(0.5).clamp(LIP_CLEARANCE + LIP_SHIFT, 1.0 - LIP_CLEARANCE - LIP_SHIFT);
         let forward = neighbours::direction_of([0, 1, 2].map(|a| i32::from(a == usize::from(axis))));
         let never = self.lattice.springs[ends[0] as usize] >> forward & 1 == 0;
         let lips = if never && self.lattice.has_cells() {
@@ -417,6 +430,8 @@ impl Tissue<'_> {
         let third = 3 - edge.axis - across;
         let upward_slopes = [across, third].map(|over| self.blades.slope(edge.ends, edge.axis.into(), over.into()));
         let mut rims = [None; 2];
+        // Ends of contours from a lip straight to a crossing, and from a lip to a rim. The second stay clear of the first.
+        let (mut straight, mut bent) = (None, Vec::new());
         for contour in face.contours() {
             match face.between(contour) {
                 Some(Between::Front { edge: ring_edge }) if usize::from(ring_edge) == m => {
@@ -432,6 +447,11 @@ impl Tissue<'_> {
             let Some((lip, skin)) = face.lip_and_skin(contour).filter(|(lip, _)| usize::from(lip.edge) == m) else {
                 continue;
             };
+            if skin.corner == lip.corner { bent.push((lip, skin)) } else { straight = Some((lip, skin)) }
+        }
+        // Whether the straight one ends where the blade meets the skin: it runs along the blade then.
+        let mut along = false;
+        for (lip, skin) in straight.into_iter().chain(bent) {
             // On the first half of the ring, the corner m is the lower end of its edge.
             let end = u8::from((lip.corner == lip.edge) != (m < 2));
             // Seen from the corner of the lip: the cut edge, then across it into the face, then up along the third axis.
@@ -452,13 +472,18 @@ impl Tissue<'_> {
                 let normal = || on_axes(self.skin_normal(corner, across.into(), upward, values));
                 let met = met.or_else(|| blade.meets_near([0.0, raw, 0.0], normal()));
                 let skin = self.skin_fraction(start, axis, values);
-                let [at, plain] = [met, None]
-                    .map(|met| rim_at(edge.lips, end, skin, slopes[0], met, self.beyond(face, &side, values)));
-                rims[usize::from(end)] = Some(RimPlace { end, skin_axis: across, skin_upward: upward, at, plain });
+                let beyond = self.beyond(face, &side, values);
+                let clear = along || matches!(beyond, Beyond::Sheet(to) if blade.runs_along(to));
+                let plain = rim_at(edge.lips, end, skin, slopes[0], None, beyond);
+                let at = rim_at(edge.lips, end, skin, slopes[0], met, if clear { Beyond::Nothing } else { beyond });
+                let behind = met.is_none() && passes_corner(edge.lips[usize::from(end)], raw, slopes[0]);
+                rims[usize::from(end)] =
+                    Some(RimPlace { end, skin_axis: across, skin_upward: upward, at, plain, behind });
             } else {
                 let above = stepped(corner, across.into(), upward);
                 let normal = || on_axes(self.skin_normal(above, edge.axis.into(), end == 0, values));
                 let Some([x, y, z]) = met.or_else(|| blade.meets_near([raw, 1.0, 0.0], normal())) else { continue };
+                along = true;
                 rim_crossings.push(RimCrossing {
                     edge: edge_key(self.bits.shape, start, axis),
                     upward: end == 0,
@@ -592,7 +617,7 @@ impl Tissue<'_> {
         normal
     }
 
-    fn cell_state(&self, key: u64, edge_keys: &[u64], rim_crossings: &[RimCrossing]) -> CellState {
+    fn cell_state(&self, key: u64, keys: &[u64], edges: &[SeamEdge], rim_crossings: &[RimCrossing]) -> CellState {
         let low = point_of_key(self.bits.shape, key);
         let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
             let offset = corner_offset(corner);
@@ -611,9 +636,9 @@ impl Tissue<'_> {
                 cell.alive |= 1 << edge;
             } else if one.1.is_some() != two.1.is_some() {
                 let on_rim = rim_crossings.binary_search_by_key(&key, |crossing| crossing.edge).is_ok();
-                cell.rims |= u16::from(on_rim) << edge;
+                cell.rims.crossings |= u16::from(on_rim) << edge;
             } else if one.1.is_some()
-                && let Ok(index) = edge_keys.binary_search(&key)
+                && let Ok(index) = keys.binary_search(&key)
             {
                 cell.cut |= 1 << edge;
                 seam_edges.push((edge as u8, index as u32));
@@ -625,8 +650,26 @@ impl Tissue<'_> {
                 cell.diagonals |= u16::from(self.linked(one, two)) << (2 * face + m);
             }
         }
+        for &(edge, index) in &seam_edges {
+            cell.rims.behind |= behind(&edges[index as usize], edge);
+        }
         CellState { low: low.map(|i| i as u32), cell, seam_edges }
     }
+}
+
+/// Rims of an edge of a cell that lie in the face of the cut, as in [`super::marching_cubes::cell::Rims::behind`].
+fn behind(seam_edge: &SeamEdge, edge: u8) -> u64 {
+    let mut found = 0;
+    for (face, ring_edges) in (0_u8..).zip(RING_EDGES) {
+        let Some(m) = ring_edges.iter().position(|&other| other == edge) else { continue };
+        let slot = face_slot(face, edge);
+        for rim in seam_edge.rims.iter().filter(|rim| rim.behind && seam_edge.slot_of(rim) == slot) {
+            let corner = EDGES[usize::from(edge)][usize::from(rim.end)];
+            let ring_end = u8::from(RINGS[usize::from(face)][m] != corner);
+            found |= 1 << (8 * face + 2 * m as u8 + ring_end);
+        }
+    }
+    found
 }
 
 /// The next point along an axis.

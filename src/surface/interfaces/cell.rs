@@ -10,7 +10,7 @@
 //! manifold but for centres: one region of an organ may touch another there.
 
 use super::face::{Between, Crossing, Face, OUTSIDE};
-use crate::surface::marching_cubes::cell::{Patch, Site};
+use crate::surface::marching_cubes::cell::{Patch, Rims, Site};
 use crate::surface::marching_cubes::cube::{EDGES, RING_EDGES, RINGS};
 
 /// Codes of [`Site`], then those of nodes: face and place among its nodes.
@@ -25,8 +25,7 @@ pub(super) struct Cell {
     pub(super) gaps: u16,
     /// Living springs along the face diagonals: bits `2 face` (ring corners 0-2) and `2 face + 1` (1-3).
     pub(super) diagonals: u16,
-    /// Edges whose crossing of the skin lies where a cut meets it.
-    pub(super) rims: u16,
+    pub(super) rims: Rims,
 }
 
 /// What is drawn in a cell.
@@ -252,14 +251,14 @@ mod tests {
             let gaps = (0..12_usize)
                 .filter(|&edge| EDGES[edge].iter().all(|&corner| tissue(corner)) && random(3) == 0)
                 .fold(0, |gaps, edge| gaps | 1 << edge);
-            assert_closed_inside(&Cell { labels, gaps, diagonals: random(4096) as u16, rims: 0 });
+            assert_closed_inside(&Cell { labels, gaps, diagonals: random(4096) as u16, rims: Rims::NONE });
         }
     }
 
     #[test]
     fn a_wall_that_meets_the_skin_has_one_centre_between_its_two_nodes() {
         let labels = std::array::from_fn(|corner| if corner & 4 != 0 { OUTSIDE } else { (corner & 1) as u8 });
-        let patch = Cell { labels, gaps: 0, diagonals: 0xfff, rims: 0 }.patch();
+        let patch = Cell { labels, gaps: 0, diagonals: 0xfff, rims: Rims::NONE }.patch();
         assert_eq!(patch.cones.len(), 1);
         assert_eq!(patch.centres.len(), 1);
         assert_eq!(patch.centres[0].1, [NODES + 4, NODES + 6], "the faces across y");

@@ -19,7 +19,7 @@ use crate::surface::embed::{Carrier, Embedding, Vertex};
 use crate::surface::extract::Crossings;
 use crate::surface::junction::FRONT_DEPTH;
 use crate::surface::marching_cubes::bits::InsideBits;
-use crate::surface::marching_cubes::cell::Site;
+use crate::surface::marching_cubes::cell::{Rims, Site};
 use crate::surface::marching_cubes::cube::{EDGES, RING_EDGES, RINGS, corner_offset, face_slot};
 use crate::surface::marching_cubes::sweep::crossing_at;
 use crate::surface::marching_cubes::table::CASES;
@@ -253,7 +253,7 @@ impl Scene<'_> {
         let most = labels.iter().copied().max().unwrap_or(OUTSIDE);
         let key = self.key_of(low);
         if labels.iter().any(|&label| label != least && label != most) {
-            return layer.add(key, &Cell { labels, gaps: 0, diagonals: 0xfff, rims: 0 }.patch());
+            return layer.add(key, &Cell { labels, gaps: 0, diagonals: 0xfff, rims: Rims::NONE }.patch());
         }
         let case = (0..8).fold(0, |case, corner| case | u8::from(labels[corner] == least) << corner);
         let triangles = CASES.triangles(case).iter();

@@ -3,8 +3,8 @@
 //! ```text
 //! for each face: for each contour from -> to:     next[from] = to, through a crack-front or rim vertex where there is one
 //! while a crossing is left: follow next[] round   one loop
-//! for each loop: the triangulation of least total squared diagonal length without a diagonal that lies in a face, and with
-//!                as few as can be from the inner of a cut to the skin, which would cut off its rim;
+//! for each loop: the triangulation of least total squared diagonal length without a diagonal that lies in a face or leads from
+//!                the inner of a cut to the skin, which would cut off its rim;
 //!                a fan round the loop's centre where no such triangulation exists
 //! ```
 //! A diagonal inside a face could be drawn by the neighbour too, and the edge would then have four triangles; that is
@@ -25,8 +25,21 @@ pub(crate) struct Cell {
     pub(crate) diagonals: u16,
     /// Edges that carry the two lips of a cut.
     pub(crate) cut: u16,
-    /// Edges whose crossing of the skin lies where a cut meets it.
-    pub(crate) rims: u16,
+    pub(crate) rims: Rims,
+}
+
+/// Which crossings and rims of a cell lie where a cut meets the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Rims {
+    /// Edges whose crossing of the skin does.
+    pub(crate) crossings: u16,
+    /// Rims that do not, but lie in the face of the cut behind it: bits `8 face + 2 ring_edge + ring_end`.
+    pub(crate) behind: u64,
+}
+
+impl Rims {
+    /// No cut meets the skin but at the rims themselves.
+    pub(crate) const NONE: Self = Self { crossings: 0, behind: 0 };
 }
 
 /// A place in a cell where the surface has a vertex.
@@ -139,7 +152,7 @@ pub(crate) struct Patch {
 impl Cell {
     /// A cell without any dead spring.
     pub(crate) const fn intact(inside: u8) -> Self {
-        Self { inside, alive: 0xfff, diagonals: 0xfff, cut: 0, rims: 0 }
+        Self { inside, alive: 0xfff, diagonals: 0xfff, cut: 0, rims: Rims::NONE }
     }
 
     /// What the given face of this cell knows.
@@ -222,7 +235,7 @@ const NONE: u8 = u8::MAX;
 /// Cost of a triangulation that would put a diagonal into a face.
 const FORBIDDEN: u64 = u64::MAX;
 
-/// Cost of a diagonal from the inner of a cut to the skin, which cuts off the rim between them: more than any length.
+/// Cost of a diagonal from the inner of a cut to the skin, which cuts off the rim between them: more than any length, and not taken.
 const ACROSS_THE_RIM: u64 = 1 << 56;
 /// Cost of a triangle between three places of the rim, which may be in line.
 const ALONG_THE_RIM: u64 = 1 << 50;
@@ -235,14 +248,21 @@ enum Part {
     Rim,
 }
 
-fn parts(ring: &[u8], rims: u16) -> Vec<Part> {
+fn parts(ring: &[u8], rims: Rims) -> Vec<Part> {
     let site = |at: usize| Site::from_code(ring[at % ring.len()]);
-    let is_lip = |at: usize| matches!(site(at), Site::Lip { .. });
+    let is_face = |at: usize| match site(at) {
+        Site::Lip { .. } => true,
+        Site::Rim { face, ring_edge, ring_end } => rims.behind >> (8 * face + 2 * ring_edge + ring_end) & 1 == 1,
+        _ => false,
+    };
     let part = |at: usize| match site(at) {
         Site::Lip { .. } | Site::Front { .. } => Part::Face,
+        Site::Rim { .. } if is_face(at) => Part::Face,
         Site::Rim { .. } => Part::Rim,
         // Beside a lip the skin begins.
-        Site::Skin { edge } if rims >> edge & 1 == 1 || is_lip(at + ring.len() - 1) || is_lip(at + 1) => Part::Rim,
+        Site::Skin { edge } if rims.crossings >> edge & 1 == 1 || is_face(at + ring.len() - 1) || is_face(at + 1) => {
+            Part::Rim
+        }
         _ => Part::Skin,
     };
     (0..ring.len()).map(part).collect()
@@ -264,9 +284,7 @@ fn diagonal_cost(one: u8, two: u8) -> u64 {
 
 impl Patch {
     /// Fills a loop of sites.
-    ///
-    /// - `rims`: edges whose crossing lies where a cut meets the skin.
-    pub(crate) fn add_loop(&mut self, ring: Vec<u8>, rims: u16) {
+    pub(crate) fn add_loop(&mut self, ring: Vec<u8>, rims: Rims) {
         debug_assert!(ring.len() >= 3, "a loop with {} vertices", ring.len());
         if !self.triangulate(&ring, rims) {
             let centre = Site::Centre { index: self.centres.len() as u8 }.code();
@@ -278,8 +296,8 @@ impl Patch {
     }
 
     /// The cheapest triangulation of a polygon by dynamic programming over its sub-polygons; false when every one has a
-    /// forbidden diagonal.
-    fn triangulate(&mut self, ring: &[u8], rims: u16) -> bool {
+    /// forbidden diagonal, or one across the rim.
+    fn triangulate(&mut self, ring: &[u8], rims: Rims) -> bool {
         let n = ring.len();
         if n == 3 {
             self.triangles.push([ring[0], ring[1], ring[2]]);
@@ -314,7 +332,7 @@ impl Patch {
                 cost[i * n + j] = best;
             }
         }
-        if cost[n - 1] == FORBIDDEN {
+        if cost[n - 1] >= ACROSS_THE_RIM {
             return false;
         }
         let mut open = vec![(0, n - 1)];
@@ -360,7 +378,7 @@ mod tests {
         for face in [2, 3, 4, 5] {
             diagonals &= !(3 << (2 * face));
         }
-        let patch = Cell { inside: 0xff, alive: 0xfff & !across, diagonals, cut: across, rims: 0 }.patch();
+        let patch = Cell { inside: 0xff, alive: 0xfff & !across, diagonals, cut: across, rims: Rims::NONE }.patch();
         assert_eq!(patch.triangles.len(), 4);
         let mut sides = [Vec::new(), Vec::new()];
         for triangle in &patch.triangles {
