@@ -5,13 +5,11 @@
 //! Of each such conflict one rim stays where it is without what is known of its blade (see [`super::seam::refuse`]), then all are looked
 //! at again: a vertex that gives way often makes room for the others.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use super::embed::{Carrier, Embedding, Vertex};
 use super::normals::Sheet;
-use crate::geometry::Vector3;
+use crate::geometry::{CellMap, Vector3};
 
 /// Smallest area of a triangle at a rim [squared pitches]: a tenth of that of the smallest one between crossings of the skin, which are
 /// kept clear of the ends of their edges.
@@ -55,7 +53,7 @@ pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f
         .map(|triangle| Conflict::of(triangle.map(|corner| rim_of(vertex(corner)))))
         .collect();
     found.extend(piercing(embedding, triangles, pitch_mm));
-    let mut places: HashMap<[u32; 3], &Vertex> = HashMap::new();
+    let mut places = CellMap::<[u32; 3], &Vertex>::default();
     for vertex in embedding.vertices.iter().filter(|vertex| vertex.sheet != Sheet::Skin || rim_of(vertex).is_some()) {
         // As files hold it: what welds vertices by place must not join these.
         if let Some(other) = places.insert(vertex.rest.map(|c| (c as f32).to_bits()), vertex) {
@@ -84,7 +82,7 @@ fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec
     let rim = |corner: &u32| rim_of(&embedding.vertices[*corner as usize]);
     let at_rim = |corners: &[u32]| corners.iter().any(|corner| rim(corner).is_some());
     let place = |number: u32| at(number) / pitch_mm;
-    let mut near: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
+    let mut near = CellMap::<[i32; 3], Vec<u32>>::default();
     for triangle in triangles.iter().filter(|triangle| at_rim(*triangle)) {
         for cell in Room::of(&triangle.map(place)).cells() {
             near.entry(cell).or_default();
