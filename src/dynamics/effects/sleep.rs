@@ -6,7 +6,7 @@
 //! - at the end of a window of time, when neither it nor a neighbour went further in the window than a tolerance, and it would not
 //!   still get that far. It went `sum of max |v| dt`, which no particle's path exceeds and no swing's reach. It gets to where its
 //!   particles would be if their largest distance from where they were a window ago went on to change by the same share in each
-//!   window, `d q / (1 - q)` with `q` the share of the last two; what does not shrink is taken for [`MOST_WINDOWS`] windows.
+//!   window, `d q / (1 - q)` with `q` the share of the last two; what does not shrink is taken for ten thousand windows.
 //!   It carries no part of a free rigid body, and nothing drives it: no grab, force or pressure.
 //!
 //! It wakes when a neighbour went the tolerance since it last woke its neighbours, when something gives one of its particles a
