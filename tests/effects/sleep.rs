@@ -5,11 +5,14 @@ use std::path::Path;
 use yawara::dynamics::World;
 use yawara::dynamics::effects::sleep::Sleep;
 use yawara::dynamics::measure::balance;
+use yawara::dynamics::timeline::Timeline;
 use yawara::geometry::Vector3;
 use yawara::lattice::SeveredSpring;
 use yawara::lattice::neighbours::FIRST_FORWARD;
 use yawara::material::tissue::{Damping, TissueBody};
+use yawara::run::inputs;
 use yawara::run::label_lookup::Files;
+use yawara::run::prepare::prepare;
 use yawara::scene;
 
 use crate::support::*;
@@ -202,6 +205,42 @@ fn the_same_blocks_sleep_at_any_thread_count() {
         assert!(same_bits(&one, &other));
         assert_eq!(one.sleep(), other.sleep());
     }
+}
+
+#[test]
+fn what_a_tool_touches_wakes_and_is_pressed_as_in_full() {
+    let text = |sleep: &str| {
+        format!(
+            "[volume]\nphantom = \"cube\"\nspacing = 1.5\n[[organ]]\nname = \"cube\"\nlabel = \"cube\"\nyoungs_modulus = 5e3\n\
+             density = 1060\ndamping_ratio = 0.3\n[time]\nduration = 0.1\nframes = 1\n[drag]\nrate = 40\n\
+             [[plane]]\npoint = [0, 0, -30]\nnormal = [0, 0, 1]\n\
+             [[tool]]\nshape = {{ sphere = {{ center = [0, 0, 46], radius = 15 }} }}\npath = [[0, 0, 0], [0, 0, -6]]\nfrom = 0.01\n\
+             to = 0.06\nfriction = 0.2\n{sleep}"
+        )
+    };
+    let run = |sleep: &str| {
+        let (scene, _) = scene::parse(&text(sleep), Path::new("tool"), Path::new(""), &Files).unwrap();
+        let prepared = prepare(&scene, &inputs::load(&scene).unwrap()).unwrap();
+        let mut timeline = Timeline::new(&scene.operations, &prepared.lattice).unwrap();
+        let mut world = prepared.into_world(&scene);
+        let mut asleep = Vec::new();
+        while world.time() < 0.1 {
+            timeline.advance(&mut world);
+            world.step().unwrap();
+            asleep.push(world.sleep().map_or(0, |(_, counts)| counts.asleep));
+        }
+        (world, asleep)
+    };
+    let (full, _) = run("");
+    let (world, asleep) = run("[sleep]\ntolerance = 0.015");
+    let (_, counts) = world.sleep().unwrap();
+    // Nothing moves before the ball comes; then the middle of the top wakes first.
+    assert_eq!(asleep[0], counts.blocks);
+    assert!(asleep.iter().any(|&asleep| asleep > 0 && asleep < counts.blocks), "{asleep:?}");
+    let deepest = displacements(&full).iter().map(|u| u.norm()).fold(0.0, f64::max);
+    let off = farthest(&world, &full);
+    println!("pressed by {:.1} mm; off by {off:.1e} pitches, {:.1} % left out", 1e3 * deepest, 100.0 * spared(&world));
+    assert!(deepest > 4e-3 && off < 0.01 && spared(&world) > 0.1, "{deepest} {off}");
 }
 
 #[test]

@@ -13,11 +13,12 @@
 //! velocity (a grab, a force, an obstacle, other tissue), when a spring near it is severed, when a hold or grab of one of its
 //! particles begins or ends, and when gravity changes.
 //!
-//! What is lost: a sleeping block stands still while its surroundings move by less than the tolerance, and what its own motion had
-//! left is less than that. Both are displacements of the size of the tolerance; there is no bound on what they make of an
-//! unstable equilibrium (a column about to buckle), which waits for a push of that size. Energy is only ever taken: the
-//! kinetic energy of what falls asleep. A vibration whose period is more than four windows looks like rest near its turning points,
-//! so the window should be no shorter than a quarter of the slowest period that matters; see [`World::slowest_wave`].
+//! What is lost: a sleeping block stands still while its surroundings move by less than the tolerance, and what its own motion
+//! had left is less than that. Both are displacements of the size of the tolerance; there is no bound on what they make of an
+//! unstable equilibrium (a column about to buckle), which waits for a push of that size, or of loose ends of cut tissue. Energy
+//! is only ever taken: the kinetic energy of what falls asleep. A vibration whose period is more than four windows looks like
+//! rest near its turning points, so the window should be no shorter than a quarter of the slowest period that matters; see
+//! [`World::slowest_wave`].
 //!
 //! Same world, same calls: same blocks asleep, at any number of threads.
 
