@@ -10,7 +10,7 @@ use yawara::run::prepare::prepare;
 use yawara::scene;
 
 /// Keys of the organ and tables of the scene for each effect.
-const EFFECTS: [(&str, &str, &str); 12] = [
+const EFFECTS: [(&str, &str, &str); 13] = [
     ("bare", "", ""),
     ("gravity", "", "[gravity]\nacceleration = [0, 0, -9.81]"),
     ("drag", "", "[drag]\nrate = 2.0"),
@@ -25,6 +25,11 @@ const EFFECTS: [(&str, &str, &str); 12] = [
         "pull",
         "",
         "[[pull]]\nregion = { sphere = { center = [0, 0, 30], radius = 10 } }\npath = [[0, 0, 0], [0, 0, 1]]\nto = 1.0",
+    ),
+    (
+        "sleep and pull",
+        "",
+        "[sleep]\nwindow = 0.01\n[[pull]]\nregion = { sphere = { center = [0, 0, 30], radius = 10 } }\npath = [[0, 0, 0], [0, 0, 1]]\nto = 1.0",
     ),
     ("plane", "", "[[plane]]\npoint = [0, 0, -29]\nnormal = [0, 0, 1]\nfriction = 0.3"),
 ];
@@ -72,7 +77,8 @@ fn a_world_holds_what_it_says() {
         let (said, held) = (said(case), case.held as f64);
         println!("{name}: {held} bytes held, {said} said, {:.2} times the bare lattice's", said / bare);
         assert!((held / said - 1.0).abs() < 0.05, "{name}: {held} bytes are held, {said} are said to be");
-        let adds = ["dampers", "volume term", "fibres", "relaxation", "plasticity", "tearing"].contains(name);
+        let adds = ["dampers", "volume term", "fibres", "relaxation", "plasticity", "tearing", "sleep and pull"]
+            .contains(name);
         assert_eq!(said > 1.05 * bare, adds, "{name}: {said} bytes, {bare} without");
     }
 }

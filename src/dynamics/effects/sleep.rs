@@ -70,6 +70,9 @@ pub(in crate::dynamics) struct Sleepers {
     /// What a step finds, kept for its memory: blocks that fall asleep, and that wake their neighbours.
     falls: Vec<usize>,
     noticed: Vec<usize>,
+    /// What the end of a window finds of each block, the same: how far it got [m], and whether it is driven.
+    reached: Vec<f64>,
+    driven: Vec<bool>,
 }
 
 /// How far the particles of a block went [m].
@@ -114,7 +117,7 @@ impl Sleepers {
     /// Bytes held.
     pub(in crate::dynamics) fn bytes(&self) -> usize {
         let places: usize = self.began_at.iter().map(Vec::len).sum();
-        self.watch.len() * (size_of::<Watch>() + size_of::<bool>()) + 4 * places
+        self.watch.len() * (size_of::<Watch>() + 3 * size_of::<u64>() + 2 * size_of::<bool>()) + 4 * places
     }
 
     fn wake(&mut self, block: usize) {
@@ -149,8 +152,10 @@ impl World {
                 began_at: self.displacement.clone(),
                 elapsed: 0.0,
                 counts: SleepCounts { blocks: blocks as u64, ..SleepCounts::default() },
-                falls: Vec::new(),
-                noticed: Vec::new(),
+                falls: Vec::with_capacity(blocks),
+                noticed: Vec::with_capacity(blocks),
+                reached: Vec::with_capacity(blocks),
+                driven: vec![false; blocks],
             })
         });
     }
@@ -276,16 +281,16 @@ impl World {
 
     /// The blocks that fall asleep at the end of a window, and where the next begins.
     fn end_window(&self, sleepers: &mut Sleepers, falls: &mut Vec<usize>) {
-        let Sleepers { sleep: Sleep { tolerance, .. }, watch, asleep, began_at, .. } = sleepers;
+        let Sleepers { sleep: Sleep { tolerance, .. }, watch, asleep, began_at, reached, driven, .. } = sleepers;
         let [x, y, z] = began_at.each_mut().map(|axis| axis.par_chunks_exact_mut(BLOCK_LEN));
-        let reached = |(block, (x, y, z))| {
+        let reaches = |(block, (x, y, z))| {
             if asleep[block] {
                 return 0.0;
             }
             distance([x, y, z], self.displacement.each_ref().map(|axis| block_of(axis, block)))
         };
-        let reached: Vec<f64> = (x, y, z).into_par_iter().enumerate().map(reached).collect();
-        let mut driven = vec![false; watch.len()];
+        (x, y, z).into_par_iter().enumerate().map(reaches).collect_into_vec(reached);
+        driven.fill(false);
         let mut drives = |slot: u32| driven[slot as usize / BLOCK_LEN] = true;
         for drive in &self.drives {
             match drive {
@@ -305,7 +310,7 @@ impl World {
                 && around.map(|&other| other as usize).all(|other| asleep[other] || watch[other].way <= *tolerance)
         }));
         for (watch, reached) in watch.iter_mut().zip(reached) {
-            watch.reached = reached;
+            watch.reached = *reached;
             watch.way = 0.0;
         }
     }
