@@ -12,7 +12,7 @@ use super::marching_cubes::sweep::{self, Crossing, Numbering};
 use super::mesh::TriangleMesh;
 use super::normals::{Layers, Sheet, vertex_normals};
 use super::rim;
-use super::seam::{Seam, SeamEdge, edge_key, point_of_key, refuse};
+use super::seam::{Seam, SeamEdge, edge_key, point_of_key};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology, neighbours};
 
 /// A closed surface round the tissue of a lattice, with both faces of every cut, and what moves each of its vertices.
@@ -67,7 +67,7 @@ impl Surface {
             }
             add_centres(&mut embedding, &loops);
             let crowded = rim::crowded(&embedding, &drawn.triangles, lattice.pitch * 1e3);
-            if crowded.is_empty() || !refuse(&crowded, &mut seam.edges, &mut seam.rim_crossings) {
+            if crowded.is_empty() || !rim::refuse(&crowded, &mut seam.edges, &mut seam.rim_crossings) {
                 break embedding;
             }
         };

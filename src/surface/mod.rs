@@ -18,6 +18,7 @@ mod extract;
 pub mod field;
 pub mod field_normals;
 pub mod fine;
+mod gaps;
 pub(crate) mod gradient;
 pub mod interfaces;
 mod junction;

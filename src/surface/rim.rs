@@ -2,13 +2,15 @@
 //!
 //! What the blade left joined decides the triangles, before the rim is placed: a straight rim can have three of its vertices in one
 //! triangle, two vertices can want the same place, and where blades cross or end the skin of one side can reach over to the other.
-//! Of each such conflict one rim stays where it is without what is known of its blade (see [`super::seam::refuse`]), then all are looked
+//! Of each such conflict one rim stays where it is without what is known of its blade ([`refuse`]), then all are looked
 //! at again: a vertex that gives way often makes room for the others.
 
 use rayon::prelude::*;
 
 use super::embed::{Carrier, Embedding, Vertex};
+use super::junction::{RimCrossing, RimPlace};
 use super::normals::Sheet;
+use super::seam::SeamEdge;
 use crate::geometry::{CellMap, Vector3};
 
 /// Smallest area of a triangle at a rim [squared pitches]: a tenth of that of the smallest one between crossings of the skin, which are
@@ -61,6 +63,29 @@ pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f
         }
     }
     found
+}
+
+/// Of the rims in each conflict puts one where it is without what is known beyond its corner: that of most conflicts, then that which
+/// moved farthest. False when there was none to put there.
+pub(super) fn refuse(conflicts: &[Conflict], edges: &mut [SeamEdge], rim_crossings: &mut Vec<RimCrossing>) -> bool {
+    // By their numbers in an embedding.
+    let rims = || edges.iter().flat_map(|edge| &edge.rims);
+    let moved: Vec<f32> =
+        rim_crossings.iter().map(|crossing| crossing.moved).chain(rims().map(RimPlace::moved)).collect();
+    let mut count = vec![0_u32; moved.len()];
+    let movable = |conflict: &Conflict| conflict.rims().filter(|&rim| moved[rim] > 0.0);
+    conflicts.iter().flat_map(movable).for_each(|rim| count[rim] += 1);
+    let order = |&a: &usize, &b: &usize| count[a].cmp(&count[b]).then(moved[a].total_cmp(&moved[b])).then(a.cmp(&b));
+    let mut refused = vec![false; moved.len()];
+    for rim in conflicts.iter().filter_map(|conflict| movable(conflict).max_by(order)) {
+        refused[rim] = true;
+    }
+    let mut refused = refused.into_iter();
+    rim_crossings.retain(|_| refused.next() == Some(false));
+    for (rim, _) in edges.iter_mut().flat_map(|edge| &mut edge.rims).zip(refused).filter(|(_, refused)| *refused) {
+        rim.at = rim.plain;
+    }
+    conflicts.iter().any(|conflict| movable(conflict).next().is_some())
 }
 
 fn rim_of(vertex: &Vertex) -> Option<u32> {

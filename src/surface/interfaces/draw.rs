@@ -17,6 +17,7 @@ use crate::surface::SurfaceError;
 use crate::surface::blade::Blades;
 use crate::surface::embed::{Carrier, Embedding, Vertex};
 use crate::surface::extract::Crossings;
+use crate::surface::gaps::{CellState, Gaps};
 use crate::surface::junction::FRONT_DEPTH;
 use crate::surface::marching_cubes::bits::InsideBits;
 use crate::surface::marching_cubes::cell::{Rims, Site};
@@ -25,7 +26,7 @@ use crate::surface::marching_cubes::sweep::crossing_at;
 use crate::surface::marching_cubes::table::CASES;
 use crate::surface::normals::Sheet;
 use crate::surface::rim;
-use crate::surface::seam::{CellState, Gaps, edge_key, point_key, point_of_key, refuse};
+use crate::surface::seam::{edge_key, point_key, point_of_key};
 
 /// A vertex that follows others: number, and what it is the weighted mean of.
 #[derive(Debug, Clone)]
@@ -152,7 +153,7 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
             settle(&mut embedding, &mut knots, Knot { vertex: number(*key), sources });
         }
         let crowded = rim::crowded(&embedding, &triangles, lattice.pitch * 1e3);
-        if crowded.is_empty() || !refuse(&crowded, &mut gaps.edges, &mut gaps.rim_crossings) {
+        if crowded.is_empty() || !rim::refuse(&crowded, &mut gaps.edges, &mut gaps.rim_crossings) {
             break (embedding, knots);
         }
     };
