@@ -15,6 +15,7 @@
 
 mod bound;
 mod carry;
+mod cell_states;
 mod hosts;
 mod knife;
 
@@ -32,7 +33,7 @@ use super::{Surface, SurfaceError};
 use crate::cut::CutSheet;
 use crate::geometry::{Grid, Matrix3, Point3, Vector3};
 use crate::lattice::build::{BuildLatticeError, NO_ORGAN, build};
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS};
+use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::surface::mesh::TriangleMesh;
 use crate::volume::Volume;
@@ -286,19 +287,34 @@ fn bound(
     Carriage::bind(lattice, topology, hosts, &hosts_of, &places)
 }
 
-/// Springs of the body between points whose hosts have been parted.
+/// Springs of the body between points whose hosts have been parted, in order of particle and direction.
 fn parted(fine: &Lattice, cut: &Topology, hosts: &Hosts<'_>, frame: &Frame) -> Vec<SeveredSpring> {
-    let place = |point: u32| frame.place_of(fine, point);
-    let plain: Vec<bool> = (0..fine.len() as u32).into_par_iter().map(|point| hosts.is_plain(place(point))).collect();
-    let plain = &plain;
-    let springs = (0..fine.len() as u32).into_par_iter().flat_map_iter(|point| {
+    let disturbed: Vec<(u32, Host)> = (0..fine.len() as u32)
+        .into_par_iter()
+        .filter_map(|point| {
+            let place = frame.place_of(fine, point);
+            hosts.is_disturbed(place).then(|| (point, hosts.host(place)))
+        })
+        .collect();
+    let host_of = |point: u32| match disturbed.binary_search_by_key(&point, |entry| entry.0) {
+        Ok(at) => (disturbed[at].1, true),
+        Err(_) => (hosts.host(frame.place_of(fine, point)), false),
+    };
+    let springs = disturbed.par_iter().flat_map_iter(|&(point, host)| {
         let alive = cut.alive()[point as usize];
-        let forward = (FIRST_FORWARD..NEIGHBOURS).filter(move |direction| alive >> direction & 1 == 1);
-        let ends = forward.filter_map(move |direction| Some((point, direction, fine.neighbour(point, direction)?)));
-        ends.filter(|&(point, _, other)| !(plain[point as usize] && plain[other as usize]))
+        let living = (0..NEIGHBOURS).filter(move |direction| alive >> direction & 1 == 1);
+        let ends = living.filter_map(move |direction| Some((direction, fine.neighbour(point, direction)?)));
+        ends.filter_map(move |(direction, other)| {
+            let (far, both) = host_of(other);
+            // Between two disturbed points the spring is asked for from its lower end.
+            let asked = direction >= FIRST_FORWARD || !both;
+            let (particle, direction) =
+                if direction >= FIRST_FORWARD { (point, direction) } else { (other, opposite(direction)) };
+            let spring = SeveredSpring { particle, direction: direction as u8, at: 0.5, time: 0.0 };
+            (asked && hosts.are_apart(host, far)).then_some(spring)
+        })
     });
+    let mut springs: Vec<SeveredSpring> = springs.collect();
+    springs.par_sort_unstable_by_key(|spring| (spring.particle, spring.direction));
     springs
-        .filter(|&(point, _, other)| hosts.are_apart(hosts.host(place(point)), hosts.host(place(other))))
-        .map(|(particle, direction, _)| SeveredSpring { particle, direction: direction as u8, at: 0.5, time: 0.0 })
-        .collect()
 }
