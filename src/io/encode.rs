@@ -38,6 +38,20 @@ pub(super) fn push_f32<const N: usize>(bytes: &mut Vec<u8>, values: [f32; N]) {
     bytes.extend_from_slice(values.map(f32::to_le_bytes).as_flattened());
 }
 
+/// Appends numbers as the shortest text that reads back exactly, a blank before each.
+pub(super) fn push_numbers<const N: usize>(text: &mut Vec<u8>, values: [f32; N]) {
+    let mut digits = zmij::Buffer::new();
+    for value in values {
+        text.push(b' ');
+        text.extend_from_slice(digits.format(value).as_bytes());
+    }
+}
+
+/// Appends a whole number as text.
+pub(super) fn push_integer(text: &mut Vec<u8>, value: u64) {
+    text.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
+}
+
 /// Appends text, as `write!` forms it.
 pub(super) fn push_text(bytes: &mut Vec<u8>, text: std::fmt::Arguments) {
     bytes.write_fmt(text).expect("memory takes every byte");

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::io::atomic;
-use crate::io::encode::{push_text, write_records};
+use crate::io::encode::{push_integer, push_numbers, write_records};
 use crate::io::mesh_error::{WriteMeshError, check_organs};
 use crate::plot::canvas::srgb;
 use crate::surface::mesh::{Finish, OrganMesh, TriangleMesh};
@@ -50,31 +50,39 @@ fn write_mesh(
     first: u64,
     first_normal: u64,
 ) -> io::Result<()> {
+    let shades: Vec<String> = (0..=u8::MAX).map(|byte| format!(" {:.4}", f32::from(byte) / 255.0)).collect();
     write_records(out, mesh.positions.len(), |range, text| {
         for vertex in range {
-            let [x, y, z] = mesh.positions[vertex];
-            push_text(text, format_args!("v {x} {y} {z}"));
+            text.push(b'v');
+            push_numbers(text, mesh.positions[vertex]);
             if colored {
-                let [r, g, b] = srgb(mesh.colors[vertex]).map(|byte| f32::from(byte) / 255.0);
-                push_text(text, format_args!(" {r:.4} {g:.4} {b:.4}"));
+                srgb(mesh.colors[vertex])
+                    .iter()
+                    .for_each(|&byte| text.extend_from_slice(shades[usize::from(byte)].as_bytes()));
             }
             text.push(b'\n');
         }
     })?;
     write_records(out, mesh.normals.len(), |range, text| {
-        for [x, y, z] in &mesh.normals[range] {
-            push_text(text, format_args!("vn {x} {y} {z}\n"));
+        for &normal in &mesh.normals[range] {
+            text.extend_from_slice(b"vn");
+            push_numbers(text, normal);
+            text.push(b'\n');
         }
     })?;
     let bare = mesh.normals.is_empty();
     write_records(out, mesh.triangles.len(), |range, text| {
         for corners in &mesh.triangles[range] {
-            let [a, b, c] = corners.map(|corner| u64::from(corner) + first);
-            let [na, nb, nc] = corners.map(|corner| u64::from(corner) + first_normal);
-            match bare {
-                true => push_text(text, format_args!("f {a} {b} {c}\n")),
-                false => push_text(text, format_args!("f {a}//{na} {b}//{nb} {c}//{nc}\n")),
+            text.push(b'f');
+            for corner in corners.map(u64::from) {
+                text.push(b' ');
+                push_integer(text, first + corner);
+                if !bare {
+                    text.extend_from_slice(b"//");
+                    push_integer(text, first_normal + corner);
+                }
             }
+            text.push(b'\n');
         }
     })
 }
