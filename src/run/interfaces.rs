@@ -7,6 +7,7 @@ use crate::lattice::Lattice;
 use crate::scene::resolved::Scene;
 use crate::store::{Frame, RunReader};
 use crate::surface::SurfaceError;
+use crate::surface::fine::Memory;
 use crate::surface::interfaces::{Interface, MultiBody, MultiSurface, OUTSIDE, Partition};
 use crate::surface::mesh::{Finish, OrganMesh};
 
@@ -47,8 +48,8 @@ pub(super) fn is_border_of(mesh: &str, organ: &str) -> bool {
 enum Shape {
     /// Organs at the lattice points.
     Lattice(Partition),
-    /// A finer grid.
-    Fine(Box<MultiBody>),
+    /// A finer grid, and what its last surface left for the next.
+    Fine(Box<(MultiBody, Memory)>),
 }
 
 /// All organs of a run, and which of them are asked for.
@@ -82,7 +83,8 @@ impl SharedOrgans {
                     Resolution::Spacing(spacing) => spacing,
                     _ => bodies.spacing(),
                 };
-                Shape::Fine(Box::new(bodies.together(scene, spacing, options.smooth)?))
+                let body = bodies.together(scene, spacing, options.smooth)?;
+                Shape::Fine(Box::new((body, Memory::default())))
             }
         };
         let wanted = scene.organs.iter().map(|organ| names.is_empty() || names.contains(&organ.name)).collect();
@@ -138,10 +140,13 @@ impl SharedOrgans {
         &self.on_cut
     }
 
-    fn extract(&self, lattice: &Lattice, frame: &Frame, cuts: &CutSheet) -> Result<MultiSurface, SurfaceError> {
-        match &self.shape {
+    fn extract(&mut self, lattice: &Lattice, frame: &Frame, cuts: &CutSheet) -> Result<MultiSurface, SurfaceError> {
+        match &mut self.shape {
             Shape::Lattice(partition) => MultiSurface::extract(lattice, &frame.topology, partition),
-            Shape::Fine(body) => MultiSurface::extract_fine(body, lattice, &frame.topology, cuts),
+            Shape::Fine(fine) => {
+                let (body, memory) = &mut **fine;
+                MultiSurface::extract_fine_after(body, lattice, &frame.topology, cuts, memory)
+            }
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::scene::resolved::{self, Scene, VoxelSelection};
 use crate::store::{ReadRunError, RunReader};
 use crate::surface::care::Care;
 use crate::surface::check::check;
-use crate::surface::fine::{Body, FineSurface};
+use crate::surface::fine::{Body, FineSurface, Memory};
 use crate::surface::mesh::{Finish, OrganMesh, TriangleMesh};
 use crate::surface::{Surface, SurfaceError, field};
 
@@ -132,8 +132,8 @@ pub struct RunMesher {
 enum Shape {
     /// Values at the lattice points.
     Lattice(Vec<f32>),
-    /// A finer grid.
-    Fine(Box<Body>),
+    /// A finer grid, and what its last surface left for the next.
+    Fine(Box<(Body, Memory)>),
 }
 
 /// The surface of an organ until the next cut.
@@ -189,7 +189,7 @@ impl RunMesher {
                 };
                 let shape = |organ| {
                     let body = bodies.body(&scene, organ, spacing, options.smooth)?;
-                    Ok((organ, Shape::Fine(Box::new(body))))
+                    Ok((organ, Shape::Fine(Box::new((body, Memory::default())))))
                 };
                 wanted.map(shape).collect::<Result<_, MeshRunError>>()?
             }
@@ -254,19 +254,22 @@ impl RunMesher {
         self.epoch.iter().flat_map(|(_, surfaces)| surfaces.iter().map(OrganSurface::on_seam)).collect()
     }
 
-    fn extract(&self, topology: &Topology, cuts: &CutSheet) -> Result<Vec<OrganSurface>, MeshRunError> {
-        let lattice: &Lattice = self.reader.lattice();
-        let surface = |(organ, shape): &(usize, Shape)| {
+    fn extract(&mut self, topology: &Topology, cuts: &CutSheet) -> Result<Vec<OrganSurface>, MeshRunError> {
+        let Self { reader, scene, care, organs, .. } = self;
+        let lattice: &Lattice = reader.lattice();
+        let surface = |(organ, shape): &mut (usize, Shape)| {
             match shape {
                 Shape::Lattice(values) => Surface::extract(lattice, topology, values).map(OrganSurface::Lattice),
-                Shape::Fine(body) => {
-                    let care = self.care.of(body);
-                    FineSurface::extract_with_care(body, lattice, topology, cuts, care.as_ref()).map(OrganSurface::Fine)
+                Shape::Fine(fine) => {
+                    let (body, memory) = &mut **fine;
+                    let care = care.of(body);
+                    FineSurface::extract_after(body, lattice, topology, cuts, care.as_ref(), memory)
+                        .map(OrganSurface::Fine)
                 }
             }
-            .map_err(|source| MeshRunError::Surface { organ: self.scene.organs[*organ].name.clone(), source })
+            .map_err(|source| MeshRunError::Surface { organ: scene.organs[*organ].name.clone(), source })
         };
-        self.organs.iter().map(surface).collect()
+        organs.iter_mut().map(surface).collect()
     }
 }
 

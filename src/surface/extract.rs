@@ -106,6 +106,11 @@ impl Surface {
         self.embedding.vertices.iter().map(|vertex| vertex.sheet)
     }
 
+    /// First vertex of each layer of the grid, and the end: crossings in the order of their edges, then what cuts added.
+    pub(crate) fn vertex_layers(&self) -> &[u32] {
+        &self.vertex_layers
+    }
+
     /// A particle on the inside of each vertex and on its side of every cut.
     pub(crate) fn anchors(&self) -> Vec<u32> {
         let embedding = &self.embedding;

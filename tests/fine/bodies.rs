@@ -31,17 +31,28 @@ pub(crate) fn ball(tissue: bool) -> World {
 
 /// The ball itself, sampled at a spacing [mm] on a grid that has nothing to do with the lattice's.
 pub(crate) fn fine_ball(spacing: f64) -> Body {
-    let count = (2.0 * (RADIUS + 3.0) / spacing) as usize + 1;
-    let first = middle() - Vector3::repeat(RADIUS + 2.9);
+    fine_body(spacing, RADIUS + 3.0, |place| RADIUS - (place - middle()).norm())
+}
+
+/// What lies where `depth` [mm] is above zero, in a box that reaches so far [mm] from the middle.
+pub(crate) fn fine_body(spacing: f64, reach: f64, depth: impl Fn(Point3) -> f64) -> Body {
+    let count = (2.0 * reach / spacing) as usize + 1;
+    let first = middle() - Vector3::repeat(reach - 0.1);
     let affine = Affine::from_spacing([spacing; 3], first.coords.into()).unwrap();
     let grid = Grid { shape: GridShape::new(count, count, count), affine };
-    let values = (0..grid.shape.len()).map(|point| (RADIUS - (grid.place(point) - middle()).norm()) as f32).collect();
+    let values = (0..grid.shape.len()).map(|point| depth(grid.place(point)) as f32).collect();
     Body::new(grid, values).unwrap()
 }
 
 /// A blade whose edge runs through the middle along `edge`, swept through the ball along `way` from outside to `depth` [mm] past
 /// the middle.
 pub(crate) fn cut(world: &mut World, offset: Vector3, edge: Vector3, way: Vector3, depth: f64) -> usize {
+    let blade = blade(world, offset, edge, way, depth);
+    world.cut(&blade.sweep(0.0, blade.path_length()))
+}
+
+/// The blade of [`cut`], before it moves.
+pub(crate) fn blade(world: &World, offset: Vector3, edge: Vector3, way: Vector3, depth: f64) -> Blade {
     let to_lattice = |place: Point3| {
         let lattice = world.lattice();
         lattice.grid.affine.index_of(place) * lattice.pitch
@@ -50,8 +61,7 @@ pub(crate) fn cut(world: &mut World, offset: Vector3, edge: Vector3, way: Vector
     let start = middle() + offset - way * 30.0;
     let ends = vec![to_lattice(start - edge), to_lattice(start + edge)];
     let stroke = world.to_lattice_axes(way * (30.0 + depth) * 1e-3);
-    let blade = Blade::new(ends, &[Vector3::zeros(), stroke]);
-    world.cut(&blade.sweep(0.0, blade.path_length()))
+    Blade::new(ends, &[Vector3::zeros(), stroke])
 }
 
 /// Extracts the surface of a body as the world is cut now.

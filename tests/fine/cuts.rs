@@ -5,9 +5,10 @@ use yawara::geometry::{Point3, Vector3};
 use yawara::lattice::SeveredSpring;
 use yawara::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
 use yawara::surface::check::check;
+use yawara::surface::fine::{FineSurface, Memory};
 use yawara::surface::weld::{soup, weld};
 
-use crate::bodies::{RADIUS, ball, cut, displace, fine_ball, mesh, middle, surface};
+use crate::bodies::{RADIUS, ball, blade, cut, displace, fine_ball, fine_body, mesh, middle, surface};
 use crate::support::Random;
 
 #[test]
@@ -101,6 +102,61 @@ fn springs_severed_without_a_blade_part_the_surface_too() {
     assert!(report.passes() && report.components.len() == 2, "{report}");
     let between = mesh.displacements.iter().filter(|moved| moved[0].abs() < 3.99).count();
     assert_eq!(between, 0, "vertices that go with neither side");
+}
+
+/// Two blades go in step by step, and a few springs break by themselves; then everything is looked at again from the middle on. A
+/// part of the body lies where the lattice has no cell.
+#[test]
+fn a_body_opened_cut_by_cut_is_the_body_opened_at_once() {
+    let trials: u64 = std::env::var("YAWARA_TRIALS").map_or(6, |n| n.parse().expect("a number of bodies"));
+    let counts: Vec<[usize; 2]> = (0..trials)
+        .into_par_iter()
+        .map(|trial| {
+            let mut random = Random::new(1000 + trial);
+            let mut world = ball(trial % 3 > 0);
+            let apart = middle() + random.vector().normalize() * (RADIUS + 5.0);
+            let depth = |place: Point3| (RADIUS - (place - middle()).norm()).max(2.5 - (place - apart).norm());
+            let body = fine_body([2.3, 1.4, 1.1][trial as usize % 3], RADIUS + 9.0, depth);
+            let mut states = vec![(world.topology().clone(), world.cut_sheet().clone())];
+            for _ in 0..2 {
+                let (edge, offset) = (random.vector(), random.vector() * 6.0);
+                let way = edge.cross(&random.vector());
+                let knife = blade(&world, offset, edge, way, 10.0 * random.unit());
+                let steps = 6;
+                for step in 0..steps {
+                    let [from, to] = [step, step + 1].map(|at| knife.path_length() * f64::from(at) / f64::from(steps));
+                    let lost = world.cut(&knife.sweep(from, to));
+                    if step % 3 == 2 {
+                        let particle = (random.unit() * world.lattice().len() as f64) as u32;
+                        let alive = world.topology().alive()[particle as usize];
+                        let living = (FIRST_FORWARD..NEIGHBOURS).filter(|direction| alive >> direction & 1 == 1);
+                        let spring = |d| SeveredSpring { particle, direction: d as u8, at: 0.5, time: 0.0 };
+                        let springs: Vec<_> = living.map(spring).collect();
+                        world.sever(springs);
+                    }
+                    if lost > 0 || step % 3 == 2 {
+                        states.push((world.topology().clone(), world.cut_sheet().clone()));
+                    }
+                }
+            }
+            let mut memory = Memory::default();
+            let moved = world.displacements_mm();
+            let again = states.len() / 2;
+            for (topology, sheet) in states.iter().chain(&states[again..]) {
+                let lattice = world.lattice();
+                let at_once = FineSurface::extract(&body, lattice, topology, sheet).unwrap();
+                let followed = FineSurface::extract_after(&body, lattice, topology, sheet, None, &mut memory).unwrap();
+                assert_eq!(at_once.carry(lattice, &moved), followed.carry(lattice, &moved), "trial {trial}");
+                assert!(at_once.on_seam().eq(followed.on_seam()), "trial {trial}");
+            }
+            let (topology, sheet) = &states[states.len() - 1];
+            let surface = FineSurface::extract(&body, world.lattice(), topology, sheet).unwrap();
+            [states.len(), surface.on_seam().filter(|seam| *seam).count()]
+        })
+        .collect();
+    let sum = |which: usize| counts.iter().map(|count| count[which]).sum::<usize>();
+    println!("{trials} bodies, {} states, {} vertices on cuts", sum(0), sum(1));
+    assert!(sum(0) as u64 > 6 * trials && sum(1) as u64 > 200 * trials, "{counts:?}");
 }
 
 /// Random blades, whole and half, straight and slanting, one to four of them, on a body that is then shaken.

@@ -3,7 +3,7 @@
 use super::carry::{Carriage, Carried};
 use super::hosts::Hosts;
 use super::knife::Knife;
-use super::{Frame, bound, opened};
+use super::{Frame, Memory, bound};
 use crate::cut::CutSheet;
 use crate::lattice::{Lattice, Topology};
 use crate::surface::SurfaceError;
@@ -19,19 +19,20 @@ pub(in crate::surface) struct Bound {
 impl Bound {
     /// Opens a fine lattice where blades went, draws on it, and binds what was drawn.
     ///
+    /// - `memory`: that of the last time, or a new one.
     /// - `draw`: from the springs of the fine lattice that are left: what it likes, the rest place of each vertex [mm], and a point
     ///   of the fine lattice on its inside and on its side of every cut.
     pub(in crate::surface) fn draw<T>(
         fine: &Lattice,
-        lattice: &Lattice,
-        topology: &Topology,
-        cuts: &CutSheet,
+        (lattice, topology, cuts): (&Lattice, &Topology, &CutSheet),
+        memory: &mut Memory,
         draw: impl FnOnce(&Topology) -> Result<(T, Vec<[f64; 3]>, Vec<u32>), SurfaceError>,
     ) -> Result<(T, Self), SurfaceError> {
         let knife = Knife::new(cuts, &lattice.grid.affine);
         let hosts = Hosts::new(lattice, topology, &knife);
         let frame = Frame::new(lattice, fine);
-        let (drawn, rest, anchors) = draw(&opened(fine, topology, &knife, &hosts, &frame))?;
+        let cut = memory.opening.open(fine, (lattice, topology, cuts), &knife, &hosts, &frame);
+        let (drawn, rest, anchors) = draw(&cut)?;
         let carriage = bound(fine, lattice, topology, &hosts, &frame, &rest, &anchors);
         Ok((drawn, Self { rest, carriage }))
     }

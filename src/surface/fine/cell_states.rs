@@ -18,12 +18,10 @@ pub(super) struct CellState(u16);
 
 /// All 28 springs live and no blade went in.
 const WHOLE: u16 = 1 << 8;
-/// A blade went in, or a corner has lost a spring: only then may anything in it have come apart.
-const DISTURBED: u16 = 1 << 9;
 /// A blade went in or a spring in it was severed.
-const TOUCHED: u16 = 1 << 10;
+const TOUCHED: u16 = 1 << 9;
 /// It has corners, and which of them carry depends on where the point is.
-const SIDED: u16 = 1 << 11;
+const SIDED: u16 = 1 << 10;
 
 impl CellState {
     /// No corner is a particle.
@@ -34,11 +32,6 @@ impl CellState {
     /// All 28 springs between its corners are alive, and no blade went in.
     pub(super) fn is_whole(self) -> bool {
         self.0 & WHOLE != 0
-    }
-
-    /// Something that hung together at rest may be parted in it.
-    pub(super) fn is_disturbed(self) -> bool {
-        self.0 & DISTURBED != 0
     }
 
     /// The corners that carry every point of it (one bit each, x fastest); `None` when points have sides to choose.
@@ -61,7 +54,7 @@ impl CellStates {
         let mut states = vec![CellState::default(); shape.len()];
         let mut touch = |cell: [i32; 3]| {
             if let Some(at) = place(shape, cell) {
-                states[at].0 |= TOUCHED | DISTURBED;
+                states[at].0 |= TOUCHED;
             }
         };
         knife.cells().for_each(&mut touch);
@@ -98,12 +91,6 @@ fn state_of(lattice: &Lattice, topology: &Topology, cell: [i32; 3], mut state: C
     let present = present(&particles);
     if present == 0 {
         return CellState::default();
-    }
-    let lost = |&particle: &u32| {
-        particle != NO_PARTICLE && topology.alive()[particle as usize] != lattice.springs[particle as usize]
-    };
-    if particles.iter().any(lost) {
-        state.0 |= DISTURBED;
     }
     let touched = state.0 & TOUCHED != 0;
     if present == ALL && !touched && topology.whole_cell(lattice, particles[0]).is_some() {

@@ -43,15 +43,16 @@ impl<'a> Hosts<'a> {
         Host { cell, carrying }
     }
 
-    /// Whether something that hung together at rest may have come apart where a point lies.
-    pub(super) fn is_disturbed(&self, point: Vector3) -> bool {
-        self.cells.of(self.cell(point)).is_disturbed()
+    /// For a point in a cell without a particle: the cell that carries it.
+    pub(super) fn stray(&self, point: Vector3) -> Option<[i32; 3]> {
+        let cell = self.cell(point);
+        (cell != cell_of(point)).then_some(cell)
     }
 
     /// The host of a vertex: that of a point on its inside, or the cell that holds the vertex itself where no side is to be
     /// chosen there. Beyond its own cell a map is continued, which is a few times less accurate.
     pub(super) fn host_of_vertex(&self, inside: Vector3, vertex: Vector3) -> Host {
-        let cell = [0, 1, 2].map(|axis| vertex[axis].floor() as i32);
+        let cell = cell_of(vertex);
         if self.cells.of(cell).is_whole() {
             return Host { cell, carrying: ALL };
         }
@@ -84,7 +85,7 @@ impl<'a> Hosts<'a> {
 
     /// The cell that holds a point, or where none of its corners is a particle, the nearest cell of which one is.
     fn cell(&self, point: Vector3) -> [i32; 3] {
-        let own = [0, 1, 2].map(|axis| point[axis].floor() as i32);
+        let own = cell_of(point);
         if !self.cells.of(own).is_void() {
             return own;
         }
@@ -140,6 +141,11 @@ impl<'a> Hosts<'a> {
         }
         best.unwrap_or(present)
     }
+}
+
+/// The cell that holds a point.
+pub(super) fn cell_of(point: Vector3) -> [i32; 3] {
+    [0, 1, 2].map(|axis| point[axis].floor() as i32)
 }
 
 /// Steps of largest coordinate `ring`, in fixed order.

@@ -47,6 +47,16 @@ impl Knife {
         self.cells.keys().copied()
     }
 
+    /// Cells that triangles from a number on may reach into; some of them more than once.
+    pub(super) fn cells_of(&self, first: usize) -> impl Iterator<Item = [i32; 3]> + '_ {
+        self.triangles[first..].iter().flat_map(|triangle| {
+            let mut cells = Vec::new();
+            let [low, high] = bounds(triangle);
+            each_point(low.map(f64::floor), high.map(f64::floor), |cell| cells.push(cell));
+            cells
+        })
+    }
+
     /// Whether the segment between two points of a cell passes through the sheet.
     pub(super) fn parts(&self, cell: [i32; 3], a: Vector3, b: Vector3) -> bool {
         let near = self.cells.get(&cell);
@@ -55,17 +65,18 @@ impl Knife {
 
     /// Every spring of a lattice that passes through the sheet, in order of particle and direction; once each.
     ///
+    /// - `first`: triangles before this one are left out (two to a quad).
     /// - `index_in`: from the index coordinates of the sheet to those of the lattice.
     pub(super) fn severed(
         &self,
         lattice: &Lattice,
+        first: usize,
         index_in: impl Fn(Vector3) -> Vector3 + Sync,
     ) -> Vec<SeveredSpring> {
         let dims = lattice.grid.shape.dims();
-        let mut found: Vec<SeveredSpring> = self
-            .triangles
+        let mut found: Vec<SeveredSpring> = self.triangles[first..]
             .par_iter()
-            .zip(&self.times)
+            .zip(&self.times[first..])
             .flat_map_iter(|(triangle, &time)| {
                 let triangle = triangle.map(&index_in);
                 let [low, high] = bounds(&triangle);

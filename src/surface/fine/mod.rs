@@ -3,6 +3,7 @@
 //! ```text
 //! body        the organ on a grid of its own, as fine as the CT: which points are inside, how far from the border
 //! knife       the cut sheet, at rest: it parts points of the body that the blade passed between
+//! opening     the springs of the body that are left, followed from cut to cut
 //! surface     marching cubes of the body, opened where the knife went (the same rules, on the fine grid)
 //! hosts       for every vertex: the cell of the lattice that carries it, and the corners on its side of the cut
 //! carriage    once per frame: one trilinear interpolation per vertex; normals turn with the deformation
@@ -18,6 +19,8 @@ mod carry;
 mod cell_states;
 mod hosts;
 mod knife;
+mod opening;
+mod skin_normals;
 
 use rayon::prelude::*;
 
@@ -25,16 +28,16 @@ pub(super) use self::bound::Bound;
 use self::carry::{Carriage, Carried};
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
+use self::opening::Opening;
+use self::skin_normals::SkinNormals;
 use super::care::{Care, RestMesh};
 use super::extract::Loop;
-use super::field_normals::{GradientOf, field_normals};
 use super::normals::Sheet;
 use super::{Surface, SurfaceError};
 use crate::cut::CutSheet;
 use crate::geometry::{Grid, Matrix3, Point3, Vector3};
 use crate::lattice::build::{BuildLatticeError, NO_ORGAN, build};
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, opposite};
-use crate::lattice::{Lattice, SeveredSpring, Topology};
+use crate::lattice::{Lattice, Topology};
 use crate::surface::mesh::TriangleMesh;
 use crate::volume::Volume;
 
@@ -89,6 +92,13 @@ impl Body {
     }
 }
 
+/// What one extraction of a body leaves for the next, so that a further cut costs little more than what it touched.
+#[derive(Debug, Clone, Default)]
+pub struct Memory {
+    opening: Opening,
+    normals: SkinNormals,
+}
+
 /// A closed surface of a body, and what moves each of its vertices.
 ///
 /// Vertex numbers and triangles stay the same until the next extraction, which is needed only after a cut.
@@ -113,31 +123,35 @@ impl FineSurface {
     /// # Errors
     /// If the surface would need more than 2^32 vertices or triangles.
     pub fn extract(body: &Body, lattice: &Lattice, topology: &Topology, cuts: &CutSheet) -> Result<Self, SurfaceError> {
-        Self::extract_with_care(body, lattice, topology, cuts, None)
+        Self::extract_after(body, lattice, topology, cuts, None, &mut Memory::default())
     }
 
-    /// The same with fewer or better triangles, see [`super::care`].
+    /// The same after a further cut, with fewer or better triangles if asked for, see [`super::care`].
+    ///
+    /// - `memory`: that of the last extraction of this body from this lattice, or a new one. The surface does not depend on it.
     ///
     /// # Errors
     /// As [`FineSurface::extract`], or if a length of `care` is not above zero.
-    pub fn extract_with_care(
+    pub fn extract_after(
         body: &Body,
         lattice: &Lattice,
         topology: &Topology,
         cuts: &CutSheet,
         care: Option<&Care>,
+        memory: &mut Memory,
     ) -> Result<Self, SurfaceError> {
         let knife = Knife::new(cuts, &lattice.grid.affine);
         let hosts = Hosts::new(lattice, topology, &knife);
         let frame = Frame::new(lattice, &body.points);
         let fine = &body.points;
-        let cut = opened(fine, topology, &knife, &hosts, &frame);
+        let cut = memory.opening.open(fine, (lattice, topology, cuts), &knife, &hosts, &frame);
         let surface = Surface::extract_places(fine, &cut, &body.values)?;
         let mut rest: Vec<[f64; 3]> = surface.rest_places().collect();
         let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
         let mut sheets: Vec<Sheet> = surface.sheets().collect();
         let mut of_triangles = surface.normals(&at_rest);
         let mut anchors = surface.anchors();
+        let mut layers = surface.vertex_layers().to_vec();
         let (mut triangles, mut centres) = surface.into_triangles_and_centres();
         if let Some(care) = care {
             let mesh = RestMesh { positions: &rest, triangles: &triangles, sheets: &sheets, organs: &[] };
@@ -147,8 +161,9 @@ impl FineSurface {
             of_triangles = cared.parents.iter().map(|&parent| of_triangles[parent as usize]).collect();
             anchors = cared.parents.iter().map(|&parent| anchors[parent as usize]).collect();
             (rest, triangles, centres) = (cared.positions, cared.triangles, Vec::new());
+            layers.clear();
         }
-        let normals = rest_normals(body, &sheets, &rest, of_triangles)?;
+        let normals = memory.normals.update(body, &sheets, &layers, &rest, &of_triangles)?;
         let carriage = bound(fine, lattice, topology, &hosts, &frame, &rest, &anchors);
         Ok(Self { rest, normals, triangles, sheets, centres, carriage })
     }
@@ -207,25 +222,8 @@ impl FineSurface {
     }
 }
 
-/// Normals at rest: of the smoothed field on the skin, of the triangles on the faces of cuts and where the field is flat.
-fn rest_normals(
-    body: &Body,
-    sheets: &[Sheet],
-    rest: &[[f64; 3]],
-    of_triangles: Vec<[f32; 3]>,
-) -> Result<Vec<[f32; 3]>, SurfaceError> {
-    let Grid { shape, affine } = &body.points.grid;
-    let indices: Vec<[f64; 3]> = rest.par_iter().map(|&place| affine.index_of(Point3::from(place)).into()).collect();
-    let of_field = field_normals(*shape, affine, &body.values, GradientOf::Smoothed, &indices)?;
-    let choose = |((sheet, field), triangles): ((&Sheet, [f32; 3]), [f32; 3])| {
-        let along: f32 = (0..3).map(|axis| field[axis] * triangles[axis]).sum();
-        // Thin parts may be thinner than what the gradient is taken over, and look the wrong way.
-        if *sheet != Sheet::Seam && along > 0.5 { field } else { triangles }
-    };
-    Ok(sheets.par_iter().zip(of_field).zip(of_triangles).map(choose).collect())
-}
-
 /// From the indices of the fine grid to those of the lattice and back.
+#[derive(Clone, Copy)]
 struct Frame {
     linear: Matrix3,
     offset: Vector3,
@@ -241,11 +239,11 @@ impl Frame {
         Self { linear, offset, inverse: linear.try_inverse().unwrap_or_else(Matrix3::identity) }
     }
 
-    fn to_fine(&self, index: Vector3) -> Vector3 {
+    fn to_fine(self, index: Vector3) -> Vector3 {
         self.inverse * (index - self.offset)
     }
 
-    fn to_lattice(&self, index: Vector3) -> Vector3 {
+    fn to_lattice(self, index: Vector3) -> Vector3 {
         self.linear * index + self.offset
     }
 
@@ -253,20 +251,6 @@ impl Frame {
     fn place_of(&self, fine: &Lattice, point: u32) -> Vector3 {
         self.to_lattice(Vector3::from(fine.ijk(point).map(|i| i as f64)))
     }
-}
-
-/// The springs of a body as blades have left them.
-fn opened(fine: &Lattice, topology: &Topology, knife: &Knife, hosts: &Hosts<'_>, frame: &Frame) -> Topology {
-    let mut cut = Topology::new(fine);
-    for spring in knife.severed(fine, |index| frame.to_fine(index)) {
-        cut.sever(fine, spring);
-    }
-    if !topology.severed().is_empty() {
-        for spring in parted(fine, &cut, hosts, frame) {
-            cut.sever(fine, spring);
-        }
-    }
-    cut
 }
 
 /// Binds vertices to the lattice: by their rest places [mm] and the points of the body on their inside.
@@ -285,36 +269,4 @@ fn bound(
     let hosts_of: Vec<Host> =
         inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
     Carriage::bind(lattice, topology, hosts, &hosts_of, &places)
-}
-
-/// Springs of the body between points whose hosts have been parted, in order of particle and direction.
-fn parted(fine: &Lattice, cut: &Topology, hosts: &Hosts<'_>, frame: &Frame) -> Vec<SeveredSpring> {
-    let disturbed: Vec<(u32, Host)> = (0..fine.len() as u32)
-        .into_par_iter()
-        .filter_map(|point| {
-            let place = frame.place_of(fine, point);
-            hosts.is_disturbed(place).then(|| (point, hosts.host(place)))
-        })
-        .collect();
-    let host_of = |point: u32| match disturbed.binary_search_by_key(&point, |entry| entry.0) {
-        Ok(at) => (disturbed[at].1, true),
-        Err(_) => (hosts.host(frame.place_of(fine, point)), false),
-    };
-    let springs = disturbed.par_iter().flat_map_iter(|&(point, host)| {
-        let alive = cut.alive()[point as usize];
-        let living = (0..NEIGHBOURS).filter(move |direction| alive >> direction & 1 == 1);
-        let ends = living.filter_map(move |direction| Some((direction, fine.neighbour(point, direction)?)));
-        ends.filter_map(move |(direction, other)| {
-            let (far, both) = host_of(other);
-            // Between two disturbed points the spring is asked for from its lower end.
-            let asked = direction >= FIRST_FORWARD || !both;
-            let (particle, direction) =
-                if direction >= FIRST_FORWARD { (point, direction) } else { (other, opposite(direction)) };
-            let spring = SeveredSpring { particle, direction: direction as u8, at: 0.5, time: 0.0 };
-            (asked && hosts.are_apart(host, far)).then_some(spring)
-        })
-    });
-    let mut springs: Vec<SeveredSpring> = springs.collect();
-    springs.par_sort_unstable_by_key(|spring| (spring.particle, spring.direction));
-    springs
 }

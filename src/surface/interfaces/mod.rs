@@ -35,7 +35,7 @@ pub use self::partition::{OrganField, Partition};
 use super::SurfaceError;
 use super::embed::Embedding;
 use super::extract::add_gradients;
-use super::fine::Bound;
+use super::fine::{Bound, Memory};
 use super::normals::Sheet;
 use crate::cut::CutSheet;
 use crate::geometry::{Grid, GridShape};
@@ -125,8 +125,24 @@ impl MultiSurface {
         topology: &Topology,
         cuts: &CutSheet,
     ) -> Result<Self, SurfaceError> {
+        Self::extract_fine_after(body, lattice, topology, cuts, &mut Memory::default())
+    }
+
+    /// The same after a further cut.
+    ///
+    /// - `memory`: that of the last extraction of this body from this lattice, or a new one. The surface does not depend on it.
+    ///
+    /// # Errors
+    /// As [`MultiSurface::extract_fine`].
+    pub fn extract_fine_after(
+        body: &MultiBody,
+        lattice: &Lattice,
+        topology: &Topology,
+        cuts: &CutSheet,
+        memory: &mut Memory,
+    ) -> Result<Self, SurfaceError> {
         let fine = &body.points;
-        let (drawn, bound) = Bound::draw(fine, lattice, topology, cuts, |cut| {
+        let (drawn, bound) = Bound::draw(fine, (lattice, topology, cuts), memory, |cut| {
             let drawn = draw(fine, cut, &body.partition)?;
             let rest = drawn.embedding.vertices.iter().map(|vertex| vertex.rest).collect();
             let mut anchors = drawn.embedding.anchors();
