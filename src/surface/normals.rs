@@ -2,13 +2,17 @@
 //!
 //! A vertex sums the area-weighted normals of its triangles. Cut faces stay crisp without splitting vertices (the
 //! mesh stays closed by index): a skin vertex listens to triangles that are skin throughout, a seam vertex to triangles
-//! that are seam throughout, and only a vertex without such a triangle listens to the mixed ones. Vertices on the rim,
-//! where the cut meets the skin, belong to both sides: triangles on either side count as pure, and the vertex itself
-//! takes the normal of the skin. Shading then turns within the one row of triangles behind the rim.
+//! that have no skin corner. Vertices on the rim, where the cut meets the skin, take the normal of the skin, so they listen to
+//! triangles with two skin corners: those with one may lie on either side. A rim vertex without such a triangle takes the normals of
+//! its neighbours on the rim. Only a vertex without any of these listens to other triangles. Shading then turns within the one row
+//! of triangles behind the rim.
+
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
 use super::marching_cubes::sweep::split_layers;
+use crate::geometry::CellMap;
 
 /// Where the layers of a mesh begin: the triangles of layer `k` use the vertices of layers `k` and `k + 1` only.
 #[derive(Debug, Clone, Copy)]
@@ -35,7 +39,8 @@ pub enum Sheet {
 /// Layers of vertices that one task takes: a triangle on the border of two tasks is computed by both.
 const LAYERS_PER_TASK: usize = 8;
 
-/// Weight of a triangle with skin and seam corners: it decides only where nothing else does.
+/// Weight of a triangle that may lie on the other side of a rim, and of one that does: they decide only where nothing else does.
+const DOUBTFUL_WEIGHT: f32 = 1.0 / 1_024.0;
 const MIXED_WEIGHT: f32 = 1.0 / 1_048_576.0;
 
 /// Unit normals, outward. A vertex without area around it gets (0, 0, 0).
@@ -61,10 +66,15 @@ pub(crate) fn vertex_normals(
             let [a, b, c] = triangle.map(|v| positions[v as usize]);
             let normal = cross(sub(b, a), sub(c, a));
             let sheets = triangle.map(|v| sheet(v as usize));
-            let shared = sheets.iter().fold(0b11, |shared, &sheet| shared & sheet as u8);
+            let [skin, seam] = [Sheet::Skin, Sheet::Seam].map(|kind| sheets.iter().filter(|&&s| s == kind).count());
             for (&vertex, sheet) in triangle.iter().zip(sheets) {
-                let listens_to = if sheet == Sheet::Rim { Sheet::Skin } else { sheet };
-                let weight = if shared & listens_to as u8 != 0 { 1.0 } else { MIXED_WEIGHT };
+                let weight = match sheet {
+                    Sheet::Skin if skin == 3 => 1.0,
+                    Sheet::Seam if skin == 0 => 1.0,
+                    Sheet::Rim if skin == 2 => 1.0,
+                    Sheet::Skin | Sheet::Rim if seam == 0 && skin > 0 => DOUBTFUL_WEIGHT,
+                    _ => MIXED_WEIGHT,
+                };
                 if let Some(sum) = part.get_mut(vertex.wrapping_sub(base) as usize) {
                     for axis in 0..3 {
                         sum[axis] += weight * normal[axis];
@@ -74,7 +84,29 @@ pub(crate) fn vertex_normals(
         }
         part.iter_mut().for_each(|normal| *normal = unit(*normal));
     });
+    borrow_on_rims(&mut normals, triangles, &sheet);
     normals
+}
+
+/// Gives rim vertices without a triangle of the skin the mean normal of their neighbours on the skin and on the rest of the rim.
+fn borrow_on_rims(normals: &mut [[f32; 3]], triangles: &[[u32; 3]], sheet: &(impl Fn(usize) -> Sheet + Sync)) {
+    let is = |vertex: u32, kind: Sheet| sheet(vertex as usize) == kind;
+    let on_rim = triangles.par_iter().filter(|triangle| triangle.iter().any(|&vertex| is(vertex, Sheet::Rim)));
+    let on_rim: Vec<[u32; 3]> = on_rim.copied().collect();
+    let of_skin = on_rim.iter().filter(|triangle| triangle.iter().filter(|&&v| is(v, Sheet::Skin)).count() == 2);
+    let known: CellMap<u32, ()> = of_skin.flatten().map(|&vertex| (vertex, ())).collect();
+    let mut sums: BTreeMap<u32, [f32; 3]> = BTreeMap::new();
+    for triangle in &on_rim {
+        for &vertex in triangle.iter().filter(|&&v| is(v, Sheet::Rim) && !known.contains_key(&v)) {
+            let sum = sums.entry(vertex).or_default();
+            for &near in triangle.iter().filter(|&&v| is(v, Sheet::Skin) || known.contains_key(&v)) {
+                (0..3).for_each(|axis| sum[axis] += normals[near as usize][axis]);
+            }
+        }
+    }
+    for (vertex, sum) in sums.into_iter().filter(|(_, sum)| *sum != [0.0; 3]) {
+        normals[vertex as usize] = unit(sum);
+    }
 }
 
 fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

@@ -109,7 +109,7 @@ pub struct FineSurface {
     /// Unit normals at rest.
     normals: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
-    sheets: Vec<Sheet>,
+    on_seam: Vec<bool>,
     /// Centres of loops with the vertices of each loop, whose mean they follow.
     centres: Vec<Loop>,
     carriage: Carriage,
@@ -149,6 +149,7 @@ impl FineSurface {
         let mut rest: Vec<[f64; 3]> = surface.rest_places().collect();
         let at_rest: Vec<[f32; 3]> = rest.iter().map(|place| place.map(|c| c as f32)).collect();
         let mut sheets: Vec<Sheet> = surface.sheets().collect();
+        let mut on_seam: Vec<bool> = surface.on_seam().collect();
         let mut of_triangles = surface.normals(&at_rest);
         let mut anchors = surface.anchors();
         let mut layers = surface.vertex_layers().to_vec();
@@ -158,6 +159,7 @@ impl FineSurface {
             let cared = care.apply(mesh)?;
             // A vertex takes from its parent what does not follow from its place; what is left of a loop is carried like the rest.
             sheets = cared.parents.iter().map(|&parent| sheets[parent as usize]).collect();
+            on_seam = cared.parents.iter().map(|&parent| on_seam[parent as usize]).collect();
             of_triangles = cared.parents.iter().map(|&parent| of_triangles[parent as usize]).collect();
             anchors = cared.parents.iter().map(|&parent| anchors[parent as usize]).collect();
             (rest, triangles, centres) = (cared.positions, cared.triangles, Vec::new());
@@ -165,7 +167,7 @@ impl FineSurface {
         }
         let normals = memory.normals.update(body, &sheets, &layers, &rest, &of_triangles)?;
         let carriage = bound(fine, lattice, topology, &hosts, &frame, &rest, &anchors);
-        Ok(Self { rest, normals, triangles, sheets, centres, carriage })
+        Ok(Self { rest, normals, triangles, on_seam, centres, carriage })
     }
 
     /// Number of vertices.
@@ -185,7 +187,7 @@ impl FineSurface {
 
     /// Whether each vertex lies on a face of a cut (its rim included) rather than on the skin.
     pub fn on_seam(&self) -> impl ExactSizeIterator<Item = bool> + '_ {
-        self.sheets.iter().map(|&sheet| sheet != Sheet::Skin)
+        self.on_seam.iter().copied()
     }
 
     /// The surface moved by displacements of the particles, RAS+ [mm], in the order of the lattice.
