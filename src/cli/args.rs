@@ -118,6 +118,10 @@ pub(super) struct MeshArguments {
     /// Write GLB or glTF with 16-bit positions and 8-bit normals; tells how far vertices lie from their place at most.
     #[arg(long, conflicts_with = "ascii")]
     pub(super) quantize: bool,
+    /// Double the vertices on sharp edges, such as the rims of cuts, with a normal for either side: crisp in viewers; the mesh is then
+    /// closed by the places of its vertices, not by their numbers.
+    #[arg(long, conflicts_with = "ascii")]
+    pub(super) crisp: bool,
     /// How an animated GLB or glTF holds its frames.
     #[arg(long, value_enum, default_value_t = AnimationChoice::Step)]
     pub(super) animation: AnimationChoice,
@@ -422,6 +426,8 @@ pub(super) enum BenchCommand {
     Surface(BenchSurfaceArguments),
     /// The same ball carried by a lattice of three times its spacing: places and normals of one frame after another.
     Carry(BenchCarryArguments),
+    /// The same ball while a blade goes through it: its surface after each step of the blade, following the cut and at once.
+    Cut(BenchCutArguments),
     /// Writing mesh files: a ball with every attribute, each format against the same bytes written raw.
     Write(BenchWriteArguments),
     /// A picture of a bumpy ball, all but reading and writing files.
@@ -536,6 +542,17 @@ pub(super) struct BenchSurfaceArguments {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  yawara bench carry --n 256")]
 pub(super) struct BenchCarryArguments {
+    /// Grid points of the surface along each edge, 8 to 1024.
+    #[arg(long, default_value_t = 256)]
+    pub(super) n: usize,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  yawara bench cut --n 256")]
+pub(super) struct BenchCutArguments {
     /// Grid points of the surface along each edge, 8 to 1024.
     #[arg(long, default_value_t = 256)]
     pub(super) n: usize,

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::args::CheckArguments;
+use super::examine::{Examined, examine};
 use super::exit::Outcome;
 use super::messages::{Messages, out};
 use super::progress;
@@ -13,7 +14,6 @@ use super::surface::mesher;
 use crate::io::gltf::GltfReader;
 use crate::io::mesh_format::MeshFormat;
 use crate::run::meshes::MeshOptions;
-use crate::surface::check::{MeshReport, check as examine};
 use crate::surface::mesh::OrganMesh;
 
 pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::Result<Outcome> {
@@ -23,20 +23,22 @@ pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::
         Source::Mesh(format) => of_mesh(path, format)?,
         other => return Err(other.refuse(path, "a mesh (.stl, .ply, .glb, .gltf, .obj) or a run directory")),
     };
-    let passed = checked.iter().all(|(_, _, report)| report.passes());
+    let passed = checked.iter().all(|(_, _, found)| found.report.passes());
     if arguments.json {
-        let meshes: Vec<Value> = checked.iter().map(|(frame, name, report)| to_json(*frame, name, report)).collect();
+        let meshes: Vec<Value> = checked.iter().map(|(frame, name, found)| to_json(*frame, name, found)).collect();
         out(&json!({ "passed": passed, "meshes": meshes }).to_string())?;
     } else {
-        for (frame, name, report) in &checked {
+        for (frame, name, Examined { report, merged }) in &checked {
             let frame = frame.map(|frame| format!("frame {frame}, ")).unwrap_or_default();
-            out(&format!("{frame}{name}: {}\n{report}", if report.passes() { "passed" } else { "FAILED" }))?;
+            let verdict = if report.passes() { "passed" } else { "FAILED" };
+            let how = if *merged { ", with vertices at one place merged" } else { "" };
+            out(&format!("{frame}{name}: {verdict}{how}\n{report}"))?;
         }
     }
     Ok(if passed { Outcome::Done } else { Outcome::CheckFailed })
 }
 
-type Checked = Vec<(Option<usize>, String, MeshReport)>;
+type Checked = Vec<(Option<usize>, String, Examined)>;
 
 fn of_mesh(path: &Path, format: MeshFormat) -> anyhow::Result<Checked> {
     let report = |frame, organs: Vec<OrganMesh>| {
@@ -68,11 +70,12 @@ fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Checked> {
     Ok(checked)
 }
 
-fn to_json(frame: Option<usize>, name: &str, report: &MeshReport) -> Value {
+fn to_json(frame: Option<usize>, name: &str, Examined { report, merged }: &Examined) -> Value {
     json!({
         "frame": frame,
         "name": name,
         "passed": report.passes(),
+        "merged": merged,
         "closed": report.is_closed(),
         "manifold": report.is_manifold(),
         "oriented": report.is_oriented(),

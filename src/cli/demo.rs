@@ -46,7 +46,9 @@ pub(super) fn demo(arguments: &DemoArguments, messages: &Messages) -> anyhow::Re
         let last = mesher.reader().frames() - 1;
         let frames: Vec<usize> = if all { (0..=last).collect() } else { vec![last] };
         let output = MeshOutput::new(&path, format.animates(), frames.len())?;
-        write(&mut mesher, None, &frames, &output, Style::plain(format), messages)?;
+        // The animation is for looking at, the others for work.
+        let style = if all { Style::crisp(format) } else { Style::plain(format) };
+        write(&mut mesher, None, &frames, &output, style, messages)?;
         Ok(())
     };
     mesh(ANIMATION, &[], true)?;

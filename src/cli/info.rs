@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::args::InfoArguments;
+use super::examine::{Examined, examine};
 use super::exit::Outcome;
 use super::facts::{digits, text, write_columns};
 use super::mesh::open;
@@ -15,7 +16,6 @@ use crate::io::mesh_format::MeshFormat;
 use crate::io::nifti::{VolumeInfo, read_ct, read_info};
 use crate::material::ct_density::{DensityMap, density_maps};
 use crate::material::library::{Tissue, tissues};
-use crate::surface::check::check;
 
 pub(super) fn info(arguments: &InfoArguments, messages: &Messages) -> anyhow::Result<Outcome> {
     // Without a path, clap has seen to it that materials are asked for.
@@ -133,13 +133,14 @@ fn of_mesh(path: &Path, format: MeshFormat) -> anyhow::Result<Value> {
         .read(path)?
         .iter()
         .map(|organ| {
-            let report = check(&organ.mesh);
+            let Examined { report, merged } = examine(&organ.mesh);
             json!({
                 "name": organ.name,
                 "vertices": report.vertices,
                 "triangles": report.triangles,
                 "components": report.components.len(),
                 "closed": report.is_closed(),
+                "merged": merged,
                 "area_mm2": report.area_mm2,
                 "volume_ml": report.volume_ml(),
                 "bounds_ras_mm": report.bounds,

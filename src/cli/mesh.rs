@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use rayon::prelude::*;
 
 use super::args::{AnimationChoice, FrameChoice, MeshArguments};
 use super::exit::Outcome;
@@ -19,6 +20,7 @@ use crate::run::meshes::{RunMesher, scene_of};
 use crate::run::paint::Painter;
 use crate::store::RunReader;
 use crate::surface::mesh::OrganMesh;
+use crate::surface::sharp_edges::split_sharp_edges;
 
 pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Outcome> {
     let lattice = arguments.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vtu"));
@@ -46,10 +48,10 @@ fn write_surfaces(arguments: &MeshArguments, messages: &Messages) -> anyhow::Res
 
 /// Writes the lattice in place of surfaces.
 fn write_lattice(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Vec<PathBuf>> {
-    let MeshArguments { output, organ, ascii, quantize, animation, .. } = arguments;
-    if *ascii || *quantize || *animation == AnimationChoice::Morph || !organ.is_empty() {
+    let MeshArguments { output, organ, ascii, quantize, crisp, animation, .. } = arguments;
+    if *ascii || *quantize || *crisp || *animation == AnimationChoice::Morph || !organ.is_empty() {
         bail!(
-            "{}: a .vtu holds the whole lattice as it is; --organ, --ascii, --quantize and --animation are for surfaces",
+            "{}: a .vtu holds the whole lattice as it is; --organ, --ascii, --quantize, --crisp and --animation are for surfaces",
             output.display()
         );
     }
@@ -89,13 +91,19 @@ fn write_lattice(arguments: &MeshArguments, messages: &Messages) -> anyhow::Resu
 pub(super) struct Style {
     format: MeshFormat,
     precision: Precision,
+    crisp: bool,
     animation: AnimationChoice,
 }
 
 impl Style {
     /// The usual files of a format.
     pub(super) fn plain(format: MeshFormat) -> Self {
-        Self { format, precision: Precision::Float, animation: AnimationChoice::Step }
+        Self { format, precision: Precision::Float, crisp: false, animation: AnimationChoice::Step }
+    }
+
+    /// The same with crisp edges.
+    pub(super) fn crisp(format: MeshFormat) -> Self {
+        Self { crisp: true, ..Self::plain(format) }
     }
 
     fn of(arguments: &MeshArguments) -> anyhow::Result<Self> {
@@ -111,6 +119,15 @@ impl Style {
                 bail!("morph targets are not quantised; leave --quantize or --animation morph out");
             }
             style.precision = Precision::Quantized;
+        }
+        if arguments.crisp {
+            if matches!(style.format, MeshFormat::Stl | MeshFormat::StlAscii) {
+                bail!("{}: STL has no normals of vertices; --crisp is for other formats", arguments.output.display());
+            }
+            if arguments.animation == AnimationChoice::Morph {
+                bail!("morph targets need the same vertices in every frame; leave --crisp or --animation morph out");
+            }
+            style.crisp = true;
         }
         style.animation = arguments.animation;
         Ok(style)
@@ -187,7 +204,11 @@ pub(super) fn write(
     // How far quantised vertices lie from their place [mm].
     let mut error = 0.0_f64;
     let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>, Option<SharedRegions>)> {
-        let (time, meshes) = frame(mesher, painter, number)?;
+        let (time, mut meshes) = frame(mesher, painter, number)?;
+        if style.crisp {
+            let on_cut = mesher.on_cut();
+            meshes.par_iter_mut().zip(on_cut).for_each(|(organ, on_cut)| split_sharp_edges(&mut organ.mesh, &on_cut));
+        }
         if style.precision == Precision::Quantized {
             error = error.max(quantization_error_mm(&meshes));
         }

@@ -8,6 +8,7 @@ mod args;
 mod bench;
 mod check;
 mod demo;
+mod examine;
 mod exit;
 mod facts;
 mod info;

@@ -5,6 +5,7 @@ use super::camera::{Camera, ViewPlane};
 use super::drawing::{Corner, Drawing, SUBPIXELS};
 use super::raster::twice_area;
 use crate::surface::mesh::Finish;
+use crate::surface::sharp_edges::SHARP_EDGE;
 
 /// A light far away.
 struct Light {
@@ -35,9 +36,6 @@ const SHEEN: f32 = 0.035;
 /// Sections are lit evenly, and a little paler than the organ: this much white in them.
 const SECTION_PALER: f32 = 0.05;
 const SECTION_LIGHT: f32 = 1.35;
-/// A corner whose normal turns from its triangle by more than this (cosine; 47 degrees) lies on a sharp edge, where another
-/// surface gave it that normal.
-const SHARP_EDGE: f32 = 0.682;
 /// Lines: linear RGB, how much of it, half their width for a picture 1000 px high [px].
 const LINE: [f32; 3] = [0.012, 0.014, 0.018];
 const LINE_STRENGTH: f32 = 0.72;

@@ -6,6 +6,7 @@
 //! carry      once per frame: displacements of the particles -> a TriangleMesh
 //! fine       the same from the CT at its own resolution, carried by a coarser lattice
 //! interfaces all organs at once, their walls drawn once and shared
+//! sharp_edges  two vertices where one serves both sides of a sharp edge
 //! check      is a mesh closed, manifold, oriented; its area, volume and parts
 //! ```
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
@@ -27,6 +28,7 @@ pub mod mesh;
 mod normals;
 mod rim;
 mod seam;
+pub mod sharp_edges;
 pub mod smooth;
 pub mod weld;
 

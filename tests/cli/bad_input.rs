@@ -168,6 +168,8 @@ fn requests_a_run_cannot_answer() {
     mesh("a_{time}.stl", &["--frame", "all"]).refused(&["{time}", "{frame}"]);
     mesh("a.ply", &["--ascii"]).refused(&["PLY is written in one way", "only STL"]);
     mesh("a.stl", &["--quantize"]).refused(&["a.stl: --quantize is for .glb and .gltf"]);
+    mesh("a.stl", &["--crisp"]).refused(&["a.stl: STL has no normals", "--crisp"]);
+    mesh("a.glb", &["--crisp", "--animation", "morph", "--frame", "all"]).refused(&["same vertices", "--crisp"]);
     mesh("a.glb", &["--animation", "morph"])
         .refused(&["a.glb: --animation morph is for several frames", "--frame all"]);
     mesh("a.glb", &["--quantize", "--animation", "morph", "--frame", "all"]).refused(&["not quantised"]);

@@ -2,7 +2,7 @@
 
 use crate::support::{Folder, fixture};
 
-const COMMANDS: [&[&str]; 23] = [
+const COMMANDS: [&[&str]; 24] = [
     &[],
     &["demo"],
     &["run"],
@@ -21,6 +21,7 @@ const COMMANDS: [&[&str]; 23] = [
     &["bench", "scene"],
     &["bench", "surface"],
     &["bench", "carry"],
+    &["bench", "cut"],
     &["bench", "write"],
     &["bench", "render"],
     &["bench", "care"],
@@ -121,6 +122,10 @@ fn benches_print_one_object() {
     folder.yawara(&["bench", "scene", scene, "--pitch", "0"]).refused(&["--pitch [0.0]", "above 0 mm"]);
     let surface = folder.yawara(&["bench", "surface", "--n", "40", "--json"]).done().json();
     assert!(surface["triangles"].as_u64() > Some(1000));
+    let cut = folder.yawara(&["bench", "cut", "--n", "24", "--json"]).done().json();
+    assert!(cut["vertices_on_cut"].as_u64() > Some(20) && cut["after_s"].as_f64() > Some(0.0), "{cut}");
+    folder.yawara(&["bench", "cut", "--n", "12"]).done().prints(&["after a further cut", "at once"]);
+    folder.yawara(&["bench", "cut", "--n", "1"]).refused(&["--n is 1", "8 to 1024"]);
     let render = ["bench", "render", "--triangles", "4000", "--size", "64x48"];
     let drawn = folder.yawara(&[&render[..], &["--json"]].concat()).done().json();
     assert_eq!((drawn["width"].as_u64(), drawn["height"].as_u64()), (Some(64), Some(48)));

@@ -83,6 +83,14 @@ fn meshes_of_every_format_and_frame() {
     let quantized = folder.yawara(&["mesh", "run", "-o", "q.glb", "--quantize"]).done();
     assert!(quantized.stderr.contains("mm from their place"), "{}", quantized.stderr);
     assert!(folder.read("q.glb").len() < folder.read("last.glb").len());
+    // Crisp rims: more vertices, as many triangles, closed by place. Where every edge is smooth nothing is doubled.
+    folder.yawara(&["mesh", "run", "-o", "crisp.glb", "--crisp"]).done();
+    let of = |file: &str| folder.yawara(&["check", file, "--json"]).done().json()["meshes"][0].clone();
+    let (plain, crisp) = (of("last.glb"), of("crisp.glb"));
+    assert!(folder.read("crisp.glb").len() > folder.read("last.glb").len());
+    assert!(crisp["merged"] == true && plain["merged"] == false, "{crisp}");
+    assert!(crisp["triangles"] == plain["triangles"] && crisp["vertices"] == plain["vertices"], "{crisp}, {plain}");
+    folder.yawara(&["check", "crisp.glb"]).done().prints(&["vertices at one place merged"]);
 }
 
 #[test]

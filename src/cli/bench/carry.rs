@@ -10,8 +10,8 @@ use super::super::messages::out;
 use super::surface::bumpy_ball;
 use crate::cut::CutSheet;
 use crate::geometry::{Affine, Grid, GridShape};
-use crate::lattice::Topology;
 use crate::lattice::cells::build_cells;
+use crate::lattice::{Lattice, Topology};
 use crate::surface::fine::{Body, FineSurface};
 use crate::volume::Volume;
 
@@ -22,18 +22,7 @@ const RATIO: usize = 3;
 
 pub(super) fn carry(arguments: &BenchCarryArguments) -> anyhow::Result<()> {
     let BenchCarryArguments { n, json } = *arguments;
-    if !(8..=1024).contains(&n) {
-        bail!("--n is {n}; expected grid points along an edge from 8 to 1024");
-    }
-    let grid = |count: usize, spacing: f64| -> anyhow::Result<Grid> {
-        // Both grids begin at the same corner: cells are centred on their index.
-        let first = [0.5 * spacing; 3];
-        Ok(Grid { shape: GridShape::new(count, count, count), affine: Affine::from_spacing([spacing; 3], first)? })
-    };
-    let fine = grid(n, 1.0)?;
-    let body = Body::new(fine, bumpy_ball(fine.shape))?;
-    let coarse = grid(n.div_ceil(RATIO), RATIO as f64)?;
-    let lattice = build_cells(&Volume::from_vec(coarse, vec![0; coarse.shape.len()]), None)?;
+    let (body, lattice) = ball_on_lattice(n)?;
     let surface = FineSurface::extract(&body, &lattice, &Topology::new(&lattice), &CutSheet::default())?;
     let bend = |particle: u32| {
         let place = lattice.rest_place(particle) / n as f64;
@@ -67,4 +56,21 @@ pub(super) fn carry(arguments: &BenchCarryArguments) -> anyhow::Result<()> {
         lattice.len(),
         rayon::current_num_threads()
     ))
+}
+
+/// A ball of `n` points [mm] across its grid, and a lattice that fills the grid with cells of three times its spacing.
+pub(super) fn ball_on_lattice(n: usize) -> anyhow::Result<(Body, Lattice)> {
+    if !(8..=1024).contains(&n) {
+        bail!("--n is {n}; expected grid points along an edge from 8 to 1024");
+    }
+    let grid = |count: usize, spacing: f64| -> anyhow::Result<Grid> {
+        // Both grids begin at the same corner: cells are centred on their index.
+        let first = [0.5 * spacing; 3];
+        Ok(Grid { shape: GridShape::new(count, count, count), affine: Affine::from_spacing([spacing; 3], first)? })
+    };
+    let fine = grid(n, 1.0)?;
+    let body = Body::new(fine, bumpy_ball(fine.shape))?;
+    let coarse = grid(n.div_ceil(RATIO), RATIO as f64)?;
+    let lattice = build_cells(&Volume::from_vec(coarse, vec![0; coarse.shape.len()]), None)?;
+    Ok((body, lattice))
 }

@@ -2,6 +2,7 @@
 
 mod care;
 mod carry;
+mod cut;
 mod effects;
 mod lattice;
 mod render;
@@ -20,6 +21,7 @@ pub(super) fn bench(command: &BenchCommand) -> anyhow::Result<Outcome> {
         BenchCommand::Surface(arguments) => surface::surface(arguments),
         BenchCommand::Care(arguments) => care::care(arguments),
         BenchCommand::Carry(arguments) => carry::carry(arguments),
+        BenchCommand::Cut(arguments) => cut::cut(arguments),
         BenchCommand::Render(arguments) => render::render(arguments),
         BenchCommand::Write(arguments) => write::write(arguments),
     }?;
