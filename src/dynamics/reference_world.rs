@@ -13,10 +13,9 @@ use super::step_error::{StepError, likely_cause};
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::kernel::alternation::Alternation;
-use crate::kernel::reference::{
-    HeldBack, cell_fibre_energy, cell_volume_energy, fibre_forces, flow, inelastic_forces, spring_forces, volume_forces,
-};
-use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS};
+use crate::kernel::reference::{HeldBack, cell_fibre_energy, cell_volume_energy, fibre_forces, flow, inelastic_forces};
+use crate::kernel::reference_table::{LivingSprings, VolumeCells};
+use crate::lattice::neighbours::{FIRST_FORWARD, OFFSETS};
 use crate::lattice::{Lattice, SeveredSpring, Topology};
 use crate::material::Assembly;
 
@@ -26,6 +25,9 @@ pub struct ReferenceWorld {
     lattice: Lattice,
     topology: Topology,
     assembly: Assembly,
+    /// Of the present topology.
+    springs: LivingSprings,
+    cells: VolumeCells,
     displacement: Vec<Vector3>,
     velocity: Vec<Vector3>,
     /// What Maxwell branches and yielding hold back of each spring [m].
@@ -58,6 +60,8 @@ impl ReferenceWorld {
             lattice: world.lattice().clone(),
             topology: world.topology().clone(),
             assembly: world.assembly().clone(),
+            springs: LivingSprings::new(world.lattice(), world.topology(), world.assembly()),
+            cells: VolumeCells::new(world.lattice(), world.topology(), world.assembly()),
             displacement: all().map(|p| world.displacement(p)).collect(),
             velocity: all().map(|p| world.velocity(p)).collect(),
             relaxed: all().map(|p| world.held_back(p).map(|[relaxed, _]| relaxed)).collect(),
@@ -122,7 +126,12 @@ impl ReferenceWorld {
 
     /// Severs springs; returns how many of them were alive.
     pub fn sever(&mut self, springs: impl IntoIterator<Item = SeveredSpring>) -> usize {
-        springs.into_iter().filter(|&spring| self.topology.sever(&self.lattice, spring)).count()
+        let severed = springs.into_iter().filter(|&spring| self.topology.sever(&self.lattice, spring)).count();
+        if severed > 0 {
+            self.springs = LivingSprings::new(&self.lattice, &self.topology, &self.assembly);
+            self.cells = VolumeCells::new(&self.lattice, &self.topology, &self.assembly);
+        }
+        severed
     }
 
     /// One step of symplectic Euler.
@@ -133,8 +142,8 @@ impl ReferenceWorld {
     pub fn step(&mut self) -> Result<(), StepError> {
         let Self { lattice, topology, assembly, displacement, velocity, relaxed, yielded, dt, .. } = &*self;
         let inelastic = inelastic_forces(lattice, topology, assembly, displacement, relaxed, yielded);
-        let springs = spring_forces(lattice, topology, assembly, displacement, velocity, *dt);
-        let cells = volume_forces(lattice, topology, assembly, displacement, velocity, *dt);
+        let springs = self.springs.forces(displacement, velocity, *dt);
+        let cells = self.cells.forces(displacement, velocity, *dt);
         let fibres = fibre_forces(lattice, topology, assembly, displacement);
         let before = self.velocity.clone();
         let kept = self.drag.map_or(1.0, |drag| drag.kept(self.dt));
@@ -170,15 +179,16 @@ impl ReferenceWorld {
 
     /// Elastic, kinetic and half-step energy [J], see [`step_energy`].
     pub fn energy(&self) -> f64 {
-        step_energy(&self.lattice, &self.topology, &self.assembly, &self.displacement, &self.velocity, self.dt)
+        let Self { lattice, topology, assembly, springs, cells, .. } = self;
+        energy_of((lattice, topology, assembly), springs, cells, &self.displacement, &self.velocity, self.dt)
     }
 
     fn watch_alternation(&mut self, before: &[Vector3]) -> Result<(), StepError> {
-        let Self { lattice, topology, assembly, velocity, alternation, dt, time, steps, .. } = self;
+        let Self { lattice, topology, assembly, springs, velocity, alternation, dt, time, steps, .. } = self;
         let Some(watch) = alternation.as_mut().filter(|_| AlternationWatch::is_due(*steps)) else { return Ok(()) };
         let mut found = Alternation::default();
         for particle in 0..lattice.len() as u32 {
-            for (_, other) in joined(lattice, topology, particle, FIRST_FORWARD) {
+            for (_, other) in springs.of(particle).filter(|&(direction, _)| direction >= FIRST_FORWARD) {
                 let relative = |of: &[Vector3]| of[other as usize] - of[particle as usize];
                 let (now, then) = (relative(velocity), relative(before));
                 found.difference += (now - then).norm_squared();
@@ -199,9 +209,7 @@ impl ReferenceWorld {
             if !own.norm_squared().is_finite() {
                 return f64::INFINITY;
             }
-            joined(&self.lattice, &self.topology, particle, 0)
-                .map(|(_, other)| (self.velocity[other as usize] - own).norm())
-                .fold(0.0, f64::max)
+            self.springs.of(particle).map(|(_, other)| (self.velocity[other as usize] - own).norm()).fold(0.0, f64::max)
         };
         let fastest = (0..self.lattice.len() as u32).map(|p| (parting(p), p)).max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((speed, particle)) = fastest else { return Ok(()) };
@@ -219,19 +227,6 @@ impl ReferenceWorld {
             cause: likely_cause(&self.lattice, &self.topology, &self.assembly, self.dt),
         })
     }
-}
-
-/// Living springs of a particle from a direction on: the direction and the other end.
-fn joined<'a>(
-    lattice: &'a Lattice,
-    topology: &'a Topology,
-    particle: u32,
-    first: usize,
-) -> impl Iterator<Item = (usize, u32)> + 'a {
-    let alive = topology.alive()[particle as usize];
-    (first..NEIGHBOURS)
-        .filter(move |direction| alive >> direction & 1 == 1)
-        .filter_map(move |direction| Some((direction, lattice.neighbour(particle, direction)?)))
 }
 
 /// The energy that symplectic Euler keeps of a linear lattice, and that dampers only lower [J].
@@ -254,9 +249,23 @@ pub fn step_energy(
     velocity: &[Vector3],
     dt: f64,
 ) -> f64 {
+    let springs = LivingSprings::new(lattice, topology, assembly);
+    let cells = VolumeCells::new(lattice, topology, assembly);
+    energy_of((lattice, topology, assembly), &springs, &cells, displacement, velocity, dt)
+}
+
+/// [`step_energy`] with springs and cells that have been looked up.
+fn energy_of(
+    (lattice, topology, assembly): (&Lattice, &Topology, &Assembly),
+    living: &LivingSprings,
+    whole: &VolumeCells,
+    displacement: &[Vector3],
+    velocity: &[Vector3],
+    dt: f64,
+) -> f64 {
     let forces = |velocity: &[Vector3]| -> Vec<Vector3> {
-        let springs = spring_forces(lattice, topology, assembly, displacement, velocity, dt);
-        let cells = volume_forces(lattice, topology, assembly, displacement, velocity, dt);
+        let springs = living.forces(displacement, velocity, dt);
+        let cells = whole.forces(displacement, velocity, dt);
         let fibres = fibre_forces(lattice, topology, assembly, displacement);
         springs.iter().zip(&cells).zip(&fibres).map(|((spring, cell), fibre)| spring + cell + fibre).collect()
     };
@@ -266,7 +275,7 @@ pub fn step_energy(
     let mut energy = 0.0;
     for particle in 0..lattice.len() as u32 {
         let (p, v) = (particle as usize, velocity[particle as usize]);
-        for (direction, other) in joined(lattice, topology, particle, FIRST_FORWARD) {
+        for (direction, other) in living.of(particle).filter(|&(direction, _)| direction >= FIRST_FORWARD) {
             let rest = Vector3::from(OFFSETS[direction].map(f64::from)) * lattice.pitch;
             let difference = displacement[other as usize] - displacement[p];
             // l - L without cancellation: (l^2 - L^2) / (l + L).

@@ -1,6 +1,7 @@
 //! What the hot loop computes, written plainly and in f64: the oracle of every fast variant.
 
 use super::inner_length::MOST_YIELDED;
+use super::reference_table::{LivingSprings, VolumeCells};
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, OFFSETS, family};
 use crate::lattice::{Lattice, Topology};
@@ -25,28 +26,7 @@ pub fn spring_forces(
     velocity: &[Vector3],
     dt: f64,
 ) -> Vec<Vector3> {
-    (0..lattice.len() as u32)
-        .map(|particle| {
-            let i = particle as usize;
-            let mut force = Vector3::zeros();
-            for direction in (0..NEIGHBOURS).filter(|d| topology.alive()[i] >> d & 1 == 1) {
-                let j = lattice.neighbour(particle, direction).expect("a living spring has two ends") as usize;
-                let rest = Vector3::from(OFFSETS[direction].map(f64::from)) * lattice.pitch;
-                let d = rest + displacement[j] - displacement[i];
-                let length = d.norm();
-                if length == 0.0 {
-                    continue;
-                }
-                let mut tension = assembly.stiffness.of(lattice, particle, direction) * (length - rest.norm());
-                if let Some(damping) = &assembly.damping {
-                    let earlier = (d - dt * (velocity[j] - velocity[i])).norm();
-                    tension += damping.of(lattice, particle, direction) * (length - earlier) / dt;
-                }
-                force += tension * d / length;
-            }
-            force
-        })
-        .collect()
+    LivingSprings::new(lattice, topology, assembly).forces(displacement, velocity, dt)
 }
 
 /// Force of all cells' volume terms on each particle, lattice axes [N]. Shape `[particles]`; see [`spring_forces`] for the
@@ -59,27 +39,7 @@ pub fn volume_forces(
     velocity: &[Vector3],
     dt: f64,
 ) -> Vec<Vector3> {
-    let mut force = vec![Vector3::zeros(); lattice.len()];
-    let Some(term) = &assembly.volume else { return force };
-    for cell in 0..lattice.len() as u32 {
-        let modulus = f64::from(term.modulus[cell as usize]);
-        let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| modulus != 0.0) else { continue };
-        let h = lattice.pitch;
-        let now = Matrix3::identity() + mean_gradient(h, corners.map(|p| displacement[p as usize]));
-        let change = now.determinant() - 1.0;
-        let mut pressure = modulus * change;
-        if modulus < 0.0 {
-            pressure /= (1.0 + change * change).powi(2);
-        }
-        if let Some(viscosity) = &term.viscosity {
-            let earlier = now - dt * mean_gradient(h, corners.map(|p| velocity[p as usize]));
-            pressure += f64::from(viscosity[cell as usize]) * (now.determinant() - earlier.determinant()) / dt;
-        }
-        for (c, &corner) in corners.iter().enumerate() {
-            force[corner as usize] -= pressure * h.powi(3) * cofactor(&now) * shape_gradient(h, c);
-        }
-    }
-    force
+    VolumeCells::new(lattice, topology, assembly).forces(displacement, velocity, dt)
 }
 
 /// What the springs that start at each particle hold back, forward direction by forward direction [m]: flown in their Maxwell
@@ -190,7 +150,7 @@ pub fn cell_volume_energy(
     let modulus = f64::from(term.modulus[cell as usize]);
     let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| modulus != 0.0) else { return 0.0 };
     let h = lattice.pitch;
-    let change = (Matrix3::identity() + mean_gradient(h, corners.map(displacement))).determinant() - 1.0;
+    let change = (Matrix3::identity() + mean_gradient(h, |c| displacement(corners[c]))).determinant() - 1.0;
     let bound = if modulus < 0.0 { 1.0 + change * change } else { 1.0 };
     0.5 * modulus * h.powi(3) * change * change / bound
 }
@@ -211,7 +171,7 @@ pub fn fibre_forces(
     for cell in 0..lattice.len() as u32 {
         let root = Vector3::from(term.root[cell as usize].map(f64::from));
         let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| root != Vector3::zeros()) else { continue };
-        let now = (Matrix3::identity() + mean_gradient(h, corners.map(|p| displacement[p as usize]))) * root;
+        let now = (Matrix3::identity() + mean_gradient(h, |c| displacement[corners[c] as usize])) * root;
         let stretch = now.norm() - root.norm();
         if stretch > 0.0 {
             for (c, &corner) in corners.iter().enumerate() {
@@ -235,7 +195,7 @@ pub fn cell_fibre_energy(
     let root = Vector3::from(term.root[cell as usize].map(f64::from));
     let Some(corners) = topology.whole_cell(lattice, cell).filter(|_| root != Vector3::zeros()) else { return 0.0 };
     let h = lattice.pitch;
-    let moved = mean_gradient(h, corners.map(displacement)) * root;
+    let moved = mean_gradient(h, |c| displacement(corners[c])) * root;
     // |b + G b| - |b| without cancellation.
     let change = moved.dot(&(2.0 * root + moved));
     let stretch = change / ((root + moved).norm() + root.norm());
@@ -243,17 +203,17 @@ pub fn cell_fibre_energy(
 }
 
 /// Mean gradient over a cell of the field with these values at its corners (x fastest).
-fn mean_gradient(h: f64, values: [Vector3; 8]) -> Matrix3 {
-    (0..8).map(|c| values[c] * shape_gradient(h, c).transpose()).sum()
+pub(super) fn mean_gradient(h: f64, values: impl Fn(usize) -> Vector3) -> Matrix3 {
+    (0..8).map(|c| values(c) * shape_gradient(h, c).transpose()).sum()
 }
 
 /// Derivative of the mean gradient with respect to the value at a corner: `(+-1, +-1, +-1) / 4h`.
-fn shape_gradient(h: f64, corner: usize) -> Vector3 {
+pub(super) fn shape_gradient(h: f64, corner: usize) -> Vector3 {
     Vector3::from_fn(|axis, _| if corner >> axis & 1 == 1 { 0.25 / h } else { -0.25 / h })
 }
 
 /// The derivative of the determinant.
-fn cofactor(f: &Matrix3) -> Matrix3 {
+pub(super) fn cofactor(f: &Matrix3) -> Matrix3 {
     let [x, y, z] = [0, 1, 2].map(|axis| f.column(axis).into_owned());
     Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
 }

@@ -16,6 +16,12 @@ const RESIDUAL: f64 = 1e-11;
 /// A lattice of springs and cells near rest.
 pub(super) struct Statics<'a> {
     lattice: &'a Lattice,
+    /// Along a spring of each direction.
+    along: [Vector3; NEIGHBOURS],
+    /// [`gradient`] of each corner.
+    gradient: [Vector3; 8],
+    /// No cell has a modulus.
+    without_cells: bool,
     /// Neighbour and spring constant [N/m] in each direction; the constant is 0 where there is no spring.
     springs: Vec<[(u32, f64); NEIGHBOURS]>,
     /// Modulus times volume of the cell above each particle [N m], and its corners.
@@ -76,35 +82,37 @@ impl<'a> Statics<'a> {
                     .collect()
             })
             .collect();
-        Self { lattice, springs, cells, around }
+        let along = OFFSETS.map(|offset| Vector3::from(offset.map(f64::from)).normalize());
+        let gradient = std::array::from_fn(|corner| gradient(lattice.pitch, corner));
+        let without_cells = assembly.volume.is_none();
+        Self { lattice, along, gradient, without_cells, springs, cells, around }
     }
 
     /// Force that holds each particle where it is [N], for small displacements [m].
     pub(super) fn holding_forces(&self, displacement: &[Vector3]) -> Vec<Vector3> {
-        let h = self.lattice.pitch;
-        let pressure: Vec<f64> = self
-            .cells
-            .par_iter()
-            .map(|(modulus, corners)| {
-                if *modulus == 0.0 {
-                    return 0.0;
-                }
-                modulus * (0..8).map(|c| gradient(h, c).dot(&displacement[corners[c] as usize])).sum::<f64>()
-            })
-            .collect();
+        let of_cell = |(modulus, corners): &(f64, [u32; 8])| {
+            if *modulus == 0.0 {
+                return 0.0;
+            }
+            modulus * (0..8).map(|c| self.gradient[c].dot(&displacement[corners[c] as usize])).sum::<f64>()
+        };
+        let pressure: Vec<f64> =
+            if self.without_cells { Vec::new() } else { self.cells.par_iter().map(of_cell).collect() };
         (0..self.lattice.len())
             .into_par_iter()
+            .with_min_len(64)
             .map(|particle| {
                 let mut force = Vector3::zeros();
-                for (direction, &(other, constant)) in self.springs[particle].iter().enumerate() {
+                for (along, &(other, constant)) in self.along.iter().zip(&self.springs[particle]) {
                     if constant != 0.0 {
-                        let along = Vector3::from(OFFSETS[direction].map(f64::from)).normalize();
                         let parted = displacement[particle] - displacement[other as usize];
                         force += along * (constant * along.dot(&parted));
                     }
                 }
-                for &(cell, corner) in &self.around[particle] {
-                    force += gradient(h, corner) * pressure[cell as usize];
+                if !self.without_cells {
+                    for &(cell, corner) in &self.around[particle] {
+                        force += self.gradient[corner] * pressure[cell as usize];
+                    }
                 }
                 force
             })
