@@ -15,12 +15,35 @@ impl Bounds {
         Self { min: Vector3::new(f64::MAX, f64::MAX, f64::MAX), max: Vector3::new(f64::MIN, f64::MIN, f64::MIN) };
 
     pub(super) fn include(&mut self, point: Vector3) {
-        self.min = self.min.inf(&point);
-        self.max = self.max.sup(&point);
+        for axis in 0..3 {
+            self.min[axis] = smaller(self.min[axis], point[axis]);
+            self.max[axis] = larger(self.max[axis], point[axis]);
+        }
     }
 
-    pub(super) fn joined(self, other: Self) -> Self {
-        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
+    /// Takes in the least and the most along each axis.
+    pub(super) fn include_displaced(&mut self, block: &[[f32; 2]; 3]) {
+        for (axis, [low, high]) in block.iter().enumerate() {
+            self.min[axis] = smaller(self.min[axis], f64::from(*low));
+            self.max[axis] = larger(self.max[axis], f64::from(*high));
+        }
+    }
+
+    pub(super) fn joined(mut self, other: &Self) -> Self {
+        for axis in 0..3 {
+            self.min[axis] = smaller(self.min[axis], other.min[axis]);
+            self.max[axis] = larger(self.max[axis], other.max[axis]);
+        }
+        self
+    }
+
+    /// The box with so much more on every side [m].
+    pub(super) fn grown(&self, by: f64) -> Self {
+        Self { min: self.min.add_scalar(-by), max: self.max.add_scalar(by) }
+    }
+
+    pub(super) fn holds(&self, point: Vector3) -> bool {
+        (0..3).all(|axis| self.min[axis] <= point[axis] && point[axis] <= self.max[axis])
     }
 
     /// Distance of a point from the box [m]; 0 inside.
@@ -38,6 +61,15 @@ impl Bounds {
         for point in [corner, corner + piece.side, corner + piece.stroke, corner + piece.side + piece.stroke] {
             bounds.include(point);
         }
-        Self { min: bounds.min.add_scalar(-margin), max: bounds.max.add_scalar(margin) }
+        bounds.grown(margin)
     }
+}
+
+/// One instruction, unlike [`f64::min`], which has NaN to care for.
+fn smaller(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
 }

@@ -42,24 +42,24 @@ pub(crate) fn crossings(tissue: &Tissue<'_>, topology: &Topology, sweep: &Sweep)
     let margin = 2.0 * BEYOND * lattice.pitch;
     let pieces: Vec<(Bounds, &Piece)> = sweep.pieces.iter().map(|piece| (Bounds::of(piece, margin), piece)).collect();
 
-    let mut found: Vec<Crossing> = (0..layout.blocks.len())
+    // Springs reach over one pitch.
+    let parts = pieces.iter().enumerate().map(|(number, (bounds, _))| (number, tissue.parts_near(bounds, [1.0, 1.0])));
+    let mut near: Vec<(usize, usize, Part)> =
+        parts.flat_map(|(number, parts)| parts.into_iter().map(move |(block, part)| (block, number, part))).collect();
+    near.sort_unstable_by_key(|&(block, number, _)| (block, number));
+    let blocks: Vec<&[(usize, usize, Part)]> = near.chunk_by(|a, b| a.0 == b.0).collect();
+
+    let mut found: Vec<Crossing> = blocks
         .into_par_iter()
-        .flat_map_iter(|block| {
-            let near = pieces.iter().filter_map(|(bounds, piece)| {
-                // Springs reach over one pitch.
-                let part = tissue.part_near(block, bounds, [1.0, 1.0])?;
-                Some((*bounds, *piece, part))
-            });
-            let near: Vec<(Bounds, &Piece, Part)> = near.collect();
+        .flat_map_iter(|near| {
             let mut found = Vec::new();
-            let parts = near.iter().map(|(.., part)| part.clone());
-            let Some(part) = parts.reduce(|a, b| [0, 1, 2].map(|d| a[d].start.min(b[d].start)..a[d].end.max(b[d].end)))
-            else {
-                return found;
-            };
+            let block = near[0].0;
+            let part = near[1..].iter().fold(near[0].2.clone(), |a, (.., b)| {
+                [0, 1, 2].map(|d| a[d].start.min(b[d].start)..a[d].end.max(b[d].end))
+            });
             let ways = Ways::new(tissue, block, &part);
             let near: Vec<Near<'_>> =
-                near.into_iter().map(|(bounds, piece, _)| Near::new(bounds, piece, &ways, margin)).collect();
+                near.iter().map(|&(_, number, _)| Near::new(pieces[number], &ways, margin)).collect();
             for slot in slots_of(&part) {
                 let Some(particle) = layout.particle_of_slot(lattice, block * BLOCK_LEN + slot) else { continue };
                 let alive = topology.alive()[particle as usize];
@@ -132,7 +132,7 @@ struct Near<'a> {
 }
 
 impl<'a> Near<'a> {
-    fn new(bounds: Bounds, piece: &'a Piece, ways: &Ways, margin: f64) -> Self {
+    fn new((bounds, piece): (Bounds, &'a Piece), ways: &Ways, margin: f64) -> Self {
         let normal = piece.positive_normal();
         // Without a plane nothing is told apart: everything lies in it.
         let heights = ways.places.iter().map(|places| {

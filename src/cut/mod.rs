@@ -8,13 +8,16 @@
 
 mod blade;
 mod bounds;
+mod cells;
 mod crossing;
+mod cube_ranges;
 mod sheet;
 mod tissue;
+mod trilinear;
 
 pub use blade::{Blade, Piece, Sweep};
 
 pub(crate) use crossing::{Crossing, crossings};
 pub use sheet::CutSheet;
 pub(crate) use sheet::SheetRecorder;
-pub(crate) use tissue::Tissue;
+pub(crate) use tissue::{Displaced, Tissue, displaced};

@@ -357,22 +357,22 @@ impl Cutting {
         // Never back: the edge leads the tissue by a step.
         let reached = (share * self.blade.path_length()).max(self.tested);
         let sweep = |tested: f64| self.blade.sweep(tested, reached);
-        self.severed += match &self.before {
+        self.severed += match &mut self.before {
             // The edge takes its lead over tissue that has not moved yet.
-            None => world.cut(&sweep(0.0)),
+            None => {
+                let severed = world.cut(&sweep(0.0));
+                self.before = Some(world.moment());
+                severed
+            }
             Some(before) => {
                 self.moved += world.longest_move();
                 if !arrived && reached - self.tested + self.moved < TEST_INTERVAL * world.lattice().pitch {
                     return;
                 }
-                world.cut_since(before, &sweep(self.tested))
+                world.cut_and_remember(before, &sweep(self.tested))
             }
         };
         self.tested = reached;
-        match &mut self.before {
-            Some(before) => world.remember(before),
-            None => self.before = Some(world.moment()),
-        }
         self.moved = 0.0;
     }
 }

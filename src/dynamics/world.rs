@@ -20,7 +20,7 @@ use super::springs::BlockSprings;
 use super::step_error::StepError;
 use super::volume::CellVolumes;
 use super::workers::Workers;
-use crate::cut::{Crossing, CutSheet, SheetRecorder, Sweep, Tissue, crossings};
+use crate::cut::{Crossing, CutSheet, Displaced, SheetRecorder, Sweep, Tissue, crossings, displaced};
 use crate::geometry::{Matrix3, Vector3};
 use crate::kernel::dispatch::Arithmetic;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
@@ -32,6 +32,7 @@ use crate::material::{Assembly, Inelastic, RigidKind, SpringConstants};
 #[derive(Debug, Clone)]
 pub struct Moment {
     displacement: [Vec<f32>; 3],
+    displaced: Displaced,
 }
 
 /// A lattice in motion.
@@ -400,25 +401,36 @@ impl World {
 
     /// Where every particle is now, for a later [`World::cut_since`].
     pub fn moment(&self) -> Moment {
-        Moment { displacement: self.displacement.clone() }
+        Moment { displacement: self.displacement.clone(), displaced: displaced(&self.displacement) }
     }
 
     /// The same in place of an earlier moment, whose memory is taken.
-    pub fn remember(&self, moment: &mut Moment) {
+    fn remember(&self, moment: &mut Moment, displaced: Displaced) {
         for (kept, now) in moment.displacement.iter_mut().zip(&self.displacement) {
-            kept.clone_from(now);
+            let kept = kept.par_chunks_mut(16 * BLOCK_LEN);
+            kept.zip(now.par_chunks(16 * BLOCK_LEN)).for_each(|(kept, now)| kept.copy_from_slice(now));
         }
+        moment.displaced = displaced;
     }
 
     /// Sweeps a blade through the lattice as it stands now and severs every spring the edge passes through; returns how
     /// many.
     pub fn cut(&mut self, sweep: &Sweep) -> usize {
-        self.pass(None, sweep)
+        self.pass(None, sweep).0
     }
 
     /// The same while the particles moved, along straight lines, from where they were to where they are now.
     pub fn cut_since(&mut self, before: &Moment, sweep: &Sweep) -> usize {
-        self.pass(Some(before), sweep)
+        self.pass(Some(before), sweep).0
+    }
+
+    /// [`World::cut_since`]; then the moment is the present one.
+    pub fn cut_and_remember(&mut self, moment: &mut Moment, sweep: &Sweep) -> usize {
+        rayon::scope(|_| {
+            let (count, displaced) = self.pass(Some(moment), sweep);
+            self.remember(moment, displaced);
+            count
+        })
     }
 
     /// Where blades have gone so far, as it lies at rest.
@@ -426,14 +438,20 @@ impl World {
         self.sheet.sheet()
     }
 
-    fn pass(&mut self, before: Option<&Moment>, sweep: &Sweep) -> usize {
-        let (time, now) = (self.time(), &self.displacement);
-        let before = before.map_or(now, |moment| &moment.displacement);
-        let tissue = Tissue::new(&self.lattice, &self.layout, before, now);
-        let found = crossings(&tissue, &self.topology, sweep);
-        self.sheet.record(&tissue, sweep, &found, time);
-        let severed = |c: Crossing| SeveredSpring { particle: c.particle, direction: c.direction, at: c.at, time };
-        self.sever(found.into_iter().map(severed))
+    /// Severs what a blade passes through; returns how many springs that were, and the boxes of the present displacements.
+    fn pass(&mut self, before: Option<&Moment>, sweep: &Sweep) -> (usize, Displaced) {
+        // Handed to the workers once.
+        rayon::scope(|_| {
+            let time = self.time();
+            let boxes = displaced(&self.displacement);
+            let now = (&self.displacement, &boxes);
+            let before = before.map_or(now, |moment| (&moment.displacement, &moment.displaced));
+            let tissue = Tissue::new(&self.lattice, &self.layout, before, now);
+            let found = crossings(&tissue, &self.topology, sweep);
+            self.sheet.record(&tissue, sweep, &found, time);
+            let severed = |c: Crossing| SeveredSpring { particle: c.particle, direction: c.direction, at: c.at, time };
+            (self.sever(found.into_iter().map(severed)), boxes)
+        })
     }
 
     /// Severs the given springs; returns how many of them were alive.

@@ -125,6 +125,18 @@ impl BlockLayout {
         [0, 1, 2].map(|axis| corner[axis] + local[axis] as i64)
     }
 
+    /// Slot of a grid point of a block or beside it (indices from -1 to the block's size); `None` where there is no block.
+    pub fn slot_beside(&self, block: usize, at: [i64; 3]) -> Option<usize> {
+        let (mut beside, mut inside) = (0, [0; 3]);
+        for axis in (0..3).rev() {
+            let size = BLOCK[axis] as i64;
+            beside = 3 * beside + (at[axis].div_euclid(size) + 1) as usize;
+            inside[axis] = at[axis].rem_euclid(size) as usize;
+        }
+        let neighbour = self.neighbours[block][beside];
+        (neighbour != NO_BLOCK).then(|| neighbour as usize * BLOCK_LEN + slot_in_block(inside))
+    }
+
     /// The particle in a slot, if any.
     pub fn particle_of_slot(&self, lattice: &Lattice, slot: usize) -> Option<u32> {
         let ijk = self.ijk_of_slot(slot);
