@@ -7,23 +7,29 @@ use rayon::prelude::*;
 
 use super::world::World;
 use crate::kernel::dispatch::{InstructionSet, widest_cell_of_block};
-use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::halo::{HALO_LEN, HALO_ROW, Halo, gather, gather_rows};
 use crate::kernel::parting::fastest_spring;
 use crate::lattice::layout::{BLOCK_LEN, NO_BLOCK};
 use crate::lattice::neighbours::NEIGHBOURS;
 
 /// Places among the 27 blocks around of a block and those below it along one axis or more.
 const BELOW: [usize; 8] = [0, 1, 3, 4, 9, 10, 12, 13];
+/// The same of a block and those above it.
+const ABOVE: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
 
 /// Parting of the neighbours in each block of a world.
 pub(super) struct Parting {
     /// 1 where a particle is, else 0.
     present: Vec<f32>,
+    /// Rows of each block's halo that hold a particle.
+    rows: Vec<u128>,
     /// Cells do not tell how fast the block's neighbours part: a spring has been severed, so that some hold particles that part
     /// as they like, or a cell has its lowest corner where there is no block.
     by_springs: Vec<bool>,
     /// Severed springs that `by_springs` knows of.
     severed: usize,
+    /// Twice the fastest particle of the block and of those around it [m/s]: no two part faster.
+    at_most: Vec<f64>,
     /// Corners of the cells whose lowest one is in the block part at most so fast [m/s].
     cells: Vec<f64>,
     /// Neighbours of the block part at most so fast [m/s].
@@ -40,10 +46,18 @@ impl Parting {
             present[slot as usize] = 1.0;
         }
         let by_springs = world.layout.neighbours.iter().map(has_lost_cells).collect();
+        let mut halo = Box::new([0.0; HALO_LEN]);
+        let rows = world.layout.neighbours.iter().map(|neighbours| {
+            gather(&present, neighbours, &mut halo);
+            let held = halo.as_chunks::<HALO_ROW>().0.iter().map(|row| row.iter().any(|&held| held > 0.0));
+            held.enumerate().fold(0, |rows, (row, held)| rows | u128::from(held) << row)
+        });
         Self {
+            rows: rows.collect(),
             present,
             by_springs,
             severed: 0,
+            at_most: vec![0.0; blocks],
             cells: vec![0.0; blocks],
             speed: vec![0.0; blocks],
             moved: vec![0.0; blocks],
@@ -60,33 +74,40 @@ impl Parting {
         self.notice_cuts(world);
         let dt = world.dt();
         let set = world.arithmetic().set();
-        let fastest: Vec<f64> = world.fastest_of_blocks().iter().map(|&squared| f64::from(squared).sqrt()).collect();
-        let Self { present, by_springs, cells, speed, moved, .. } = self;
-        let (present, by_springs) = (&*present, &*by_springs);
-        // Twice the fastest of all blocks around: no two of their particles part faster.
-        let at_most = |block: usize| {
+        let Self { present, rows, by_springs, at_most, cells, speed, moved, .. } = self;
+        for (block, at_most) in at_most.iter_mut().enumerate() {
             let around = world.layout.neighbours[block].iter().filter(|&&neighbour| neighbour != NO_BLOCK);
-            2.0 * around.map(|&other| fastest[other as usize]).fold(0.0, f64::max)
-        };
+            let squared = around.map(|&other| world.fastest_of_blocks()[other as usize]).fold(0.0, f32::max);
+            *at_most = 2.0 * f64::from(squared).sqrt();
+        }
+        let (present, rows, by_springs, at_most) = (&*present, &*rows, &*by_springs, &*at_most);
+        let slow = |block: usize| at_most[block] * dt <= short;
         cells.par_iter_mut().enumerate().with_min_len(4).for_each_init(Buffers::new, |buffers, (block, cells)| {
-            let at_most = at_most(block);
-            *cells = if at_most * dt <= short { at_most } else { buffers.widest_cell(set, world, present, block) };
+            if slow(block) {
+                *cells = at_most[block];
+                return;
+            }
+            let touched = ABOVE.iter().map(|&place| world.layout.neighbours[block][place]);
+            let by_cells = |other: u32| other != NO_BLOCK && !by_springs[other as usize] && !slow(other as usize);
+            // Nobody asks otherwise.
+            if touched.into_iter().any(by_cells) {
+                *cells = buffers.widest_cell(set, world, present, rows[block], block);
+            }
         });
         let cells = &*cells;
         speed.par_iter_mut().zip(moved).enumerate().with_min_len(4).for_each_init(
             Buffers::new,
             |buffers, (block, to)| {
                 let (speed, moved) = to;
-                let at_most = at_most(block);
-                *speed = if at_most * dt <= short {
-                    at_most
+                *speed = if slow(block) {
+                    at_most[block]
                 } else if by_springs[block] {
                     buffers.fastest_spring(world, block)
                 } else {
                     // Its own cells and those of the seven blocks below are all that touch it.
                     let touching = BELOW.iter().map(|&place| world.layout.neighbours[block][place]);
                     let widest = touching.filter(|&other| other != NO_BLOCK).map(|other| cells[other as usize]);
-                    at_most.min(widest.fold(0.0, f64::max))
+                    at_most[block].min(widest.fold(0.0, f64::max))
                 };
                 *moved += *speed * dt;
             },
@@ -147,20 +168,21 @@ impl Buffers {
         Box::new(Self { velocity: [[0.0; HALO_LEN]; 3], present: [0.0; HALO_LEN] })
     }
 
-    fn gather_velocity(&mut self, world: &World, block: usize) {
+    /// The velocity of some rows, the others read as 0.
+    fn gather_velocity(&mut self, world: &World, block: usize, rows: u128) {
         for (field, halo) in world.velocity.iter().zip(&mut self.velocity) {
-            gather(field, &world.layout.neighbours[block], halo);
+            gather_rows(field, &world.layout.neighbours[block], rows, halo);
         }
     }
 
-    fn widest_cell(&mut self, set: InstructionSet, world: &World, present: &[f32], block: usize) -> f64 {
-        self.gather_velocity(world, block);
-        gather(present, &world.layout.neighbours[block], &mut self.present);
+    fn widest_cell(&mut self, set: InstructionSet, world: &World, present: &[f32], rows: u128, block: usize) -> f64 {
+        self.gather_velocity(world, block, rows);
+        gather_rows(present, &world.layout.neighbours[block], rows, &mut self.present);
         f64::from(widest_cell_of_block(set, self.velocity.each_ref(), &self.present)).sqrt()
     }
 
     fn fastest_spring(&mut self, world: &World, block: usize) -> f64 {
-        self.gather_velocity(world, block);
+        self.gather_velocity(world, block, world.layout.rows[block]);
         f64::from(fastest_spring(self.velocity.each_ref(), world.living_springs(block))).sqrt()
     }
 }

@@ -27,7 +27,7 @@ use super::stable_dt::{DampingTimes, Limits, SAFETY, damping_times, whole_moduli
 use super::step_error::StepError;
 use super::world::World;
 use crate::kernel::block::StepConstants;
-use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::halo::{HALO_LEN, Halo, gather_rows};
 use crate::kernel::laws::Bits;
 use crate::kernel::tangent::{CellTangents, TangentState, stiffest};
 use crate::lattice::layout::BLOCK_LEN;
@@ -273,20 +273,22 @@ impl StepControl {
 
     /// `4 / dt` of each slot's own limit `dt`.
     fn rates(&self, world: &World, block: usize, buffers: &mut Buffers) {
-        let neighbours = &world.layout.neighbours[block];
+        let (neighbours, rows) = (&world.layout.neighbours[block], world.layout.rows[block]);
         let Buffers { displacement, constants, modulus, fibres, cells, rate } = buffers;
         for axis in 0..3 {
-            gather(&world.displacement[axis], neighbours, &mut displacement[axis]);
+            gather_rows(&world.displacement[axis], neighbours, rows, &mut displacement[axis]);
         }
         self.stiffness.gather(neighbours, constants);
         if let Some(values) = &self.modulus {
-            gather(values, neighbours, modulus);
+            gather_rows(values, neighbours, rows, modulus);
         }
         let fibres = match &self.fibres {
             None => None,
             Some(root) => {
                 let halos = fibres.get_or_insert_with(|| Box::new([[0.0; HALO_LEN]; 3]));
-                root.iter().zip(halos.iter_mut()).for_each(|(values, halo)| gather(values, neighbours, halo));
+                root.iter()
+                    .zip(halos.iter_mut())
+                    .for_each(|(values, halo)| gather_rows(values, neighbours, rows, halo));
                 Some(halos.each_ref())
             }
         };
