@@ -29,7 +29,7 @@ use super::workers::Worker;
 use super::world::World;
 use crate::geometry::Vector3;
 use crate::kernel::alternation::{Alternation, alternation};
-use crate::kernel::halo::gather;
+use crate::kernel::halo::gather_rows;
 use crate::lattice::layout::{BLOCK_LEN, NO_BLOCK};
 use crate::lattice::neighbours::NEIGHBOURS;
 use crate::lattice::{Lattice, Topology};
@@ -135,7 +135,7 @@ impl World {
         let slow = AlternationWatch::slow(self.lattice.pitch, self.dt()).powi(2);
         let fast = |block: u32| f64::from(fastest[block as usize].max(self.fastest_squared[block as usize])) > slow;
         let look = |block: usize| {
-            let neighbours = &self.layout.neighbours[block];
+            let (neighbours, rows) = (&self.layout.neighbours[block], self.layout.rows[block]);
             if !neighbours.iter().any(|&other| other != NO_BLOCK && fast(other)) {
                 return Alternation::default();
             }
@@ -145,7 +145,7 @@ impl World {
             for (field, halo) in
                 self.velocity.iter().zip(now.iter_mut()).chain(self.next_velocity.iter().zip(before.iter_mut()))
             {
-                gather(field, neighbours, halo);
+                gather_rows(field, neighbours, rows, halo);
             }
             alternation(now.each_ref(), before.each_ref(), self.living_springs(block))
         };

@@ -1,6 +1,6 @@
 //! One constant per spring in block order, for what judges a world from outside its step.
 
-use crate::kernel::halo::{Halo, gather};
+use crate::kernel::halo::{Halo, gather_rows};
 use crate::lattice::layout::BlockLayout;
 use crate::material::SpringConstants;
 
@@ -39,11 +39,13 @@ impl SlotConstants {
         }
     }
 
-    /// Copies what a block needs into a halo buffer.
-    pub(super) fn gather(&self, neighbours: &[u32; 27], halo: &mut Halo) {
+    /// Copies some rows of what a block needs into a halo buffer, see [`gather_rows`].
+    pub(super) fn gather(&self, neighbours: &[u32; 27], rows: u128, halo: &mut Halo) {
         match self {
             Self::Uniform(_) => {}
-            Self::MeanOfEnds(values) | Self::SumOfCells { cell: values, .. } => gather(values, neighbours, halo),
+            Self::MeanOfEnds(values) | Self::SumOfCells { cell: values, .. } => {
+                gather_rows(values, neighbours, rows, halo)
+            }
         }
     }
 }

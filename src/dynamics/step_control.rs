@@ -278,7 +278,7 @@ impl StepControl {
         for axis in 0..3 {
             gather_rows(&world.displacement[axis], neighbours, rows, &mut displacement[axis]);
         }
-        self.stiffness.gather(neighbours, constants);
+        self.stiffness.gather(neighbours, rows, constants);
         if let Some(values) = &self.modulus {
             gather_rows(values, neighbours, rows, modulus);
         }

@@ -27,8 +27,11 @@ pub fn alternation(now: [&Halo; 3], before: [&Halo; 3], alive: &[u32; BLOCK_LEN]
     let [mut differences, mut sums]: [Lanes; 2] = [[0.0; LANES]; 2];
     for z in 0..BLOCK[2] {
         for y in 0..BLOCK[1] {
-            let (now, before) = (now.map(|halo| rows_around(halo, y, z)), before.map(|halo| rows_around(halo, y, z)));
             let alive = row_of_block(alive, y, z);
+            if alive.iter().all(|&springs| springs == 0) {
+                continue;
+            }
+            let (now, before) = (now.map(|halo| rows_around(halo, y, z)), before.map(|halo| rows_around(halo, y, z)));
             for lane in 0..LANES {
                 let [mut difference, mut sum] = [0.0_f32; 2];
                 macro_rules! forward_springs { ($($d:literal)*) => { $( {

@@ -187,6 +187,8 @@ pub trait Alive: Copy {
     type Row;
     /// Called once per row.
     fn row(self, y: usize, z: usize) -> Self::Row;
+    /// Some spring of the row may be alive.
+    fn any(row: &Self::Row) -> bool;
     /// `constant` when the spring in direction `D` of `lane` is alive, else exactly 0.
     fn keep<const D: usize>(row: &Self::Row, lane: usize, constant: f32) -> f32;
 }
@@ -199,6 +201,10 @@ impl Alive for Intact {
     type Row = ();
     #[inline(always)]
     fn row(self, _: usize, _: usize) {}
+    #[inline(always)]
+    fn any((): &()) -> bool {
+        true
+    }
     #[inline(always)]
     fn keep<const D: usize>(_: &(), _: usize, constant: f32) -> f32 {
         constant
@@ -217,6 +223,10 @@ impl<'a> Alive for Bits<'a> {
     #[inline(always)]
     fn row(self, y: usize, z: usize) -> Self::Row {
         row_of_block(self.alive, y, z)
+    }
+    #[inline(always)]
+    fn any(row: &Self::Row) -> bool {
+        row.iter().any(|&springs| springs != 0)
     }
     #[inline(always)]
     fn keep<const D: usize>(row: &Self::Row, lane: usize, constant: f32) -> f32 {

@@ -36,6 +36,13 @@ pub fn apply<K: SpringConstant, A: Alive>(
             let stiffness = stiffness.row(y, z);
             let alive = alive.row(y, z);
             let mut sum = [[0.0_f32; LANES]; 3];
+            // No spring, and so no whole cell.
+            if !A::any(&alive) {
+                *row_of_block_mut(out_x, y, z) = sum[0];
+                *row_of_block_mut(out_y, y, z) = sum[1];
+                *row_of_block_mut(out_z, y, z) = sum[2];
+                continue;
+            }
             for lane in 0..LANES {
                 let mut force = [0.0_f32; 3];
                 macro_rules! springs { ($($d:literal)*) => { $( {
@@ -88,6 +95,10 @@ fn volume_rates(modulus: &Halo, pitch: f32, u: [&Halo; 3], cells: &mut Halo) {
     for z in -1..BLOCK[2] as isize {
         for y in -1..BLOCK[1] as isize {
             let own = halo_row(y, z);
+            if modulus[own..=own + LANES].iter().all(|&modulus| modulus == 0.0) {
+                cells[own..=own + LANES].fill(0.0);
+                continue;
+            }
             let rows = [own, halo_row(y + 1, z), halo_row(y, z + 1), halo_row(y + 1, z + 1)];
             for lane in 0..=LANES {
                 let mut rate = 0.0_f32;

@@ -185,6 +185,12 @@ fn cell_tangents(modulus: &Halo, state: &TangentState<'_>, cells: &mut CellTange
     for z in -1..BLOCK[2] as isize {
         for y in -1..BLOCK[1] as isize {
             let own = halo_row(y, z);
+            if modulus[own..=own + LANES].iter().all(|&modulus| modulus == 0.0) {
+                for values in cells.cofactor.iter_mut().chain([&mut cells.pressure]) {
+                    values[own..=own + LANES].fill(0.0);
+                }
+                continue;
+            }
             let rows = [own, halo_row(y + 1, z), halo_row(y, z + 1), halo_row(y + 1, z + 1)];
             for lane in 0..=LANES {
                 // f[column][axis]: derivative of axis along column.

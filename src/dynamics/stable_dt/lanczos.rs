@@ -14,7 +14,7 @@ use super::super::effects::fibres::in_slots;
 use super::super::slot_constants::{SlotConstants, to_slots, with_law};
 use super::whole_moduli;
 use crate::kernel::fibres::add_linear;
-use crate::kernel::halo::{HALO_LEN, Halo, gather};
+use crate::kernel::halo::{HALO_LEN, Halo, gather_rows};
 use crate::kernel::laws::Bits;
 use crate::kernel::linear::apply;
 use crate::lattice::layout::{BLOCK_LEN, BlockLayout};
@@ -161,14 +161,14 @@ impl Operator {
         (x, y, z).into_par_iter().enumerate().for_each_init(
             || Buffers::new(self.fibres.is_some()),
             |buffers, (block, (x, y, z))| {
-                let neighbours = &self.layout.neighbours[block];
+                let (neighbours, rows) = (&self.layout.neighbours[block], self.layout.rows[block]);
                 let Buffers { u, constants, modulus, cells, fibres } = &mut **buffers;
                 for axis in 0..3 {
-                    gather(&scaled[axis], neighbours, &mut u[axis]);
+                    gather_rows(&scaled[axis], neighbours, rows, &mut u[axis]);
                 }
-                self.springs.gather(neighbours, constants);
+                self.springs.gather(neighbours, rows, constants);
                 if let Some(values) = &self.modulus {
-                    gather(values, neighbours, modulus);
+                    gather_rows(values, neighbours, rows, modulus);
                 }
                 let alive = Bits { alive: block_of(&self.alive, block) };
                 let modulus = self.modulus.is_some().then_some(&*modulus);
@@ -188,7 +188,7 @@ impl Operator {
                 if let (Some(root), Some(halos)) = (&self.fibres, fibres) {
                     let [root_halos, work] = &mut **halos;
                     for (values, halo) in root.iter().zip(root_halos.iter_mut()) {
-                        gather(values, neighbours, halo);
+                        gather_rows(values, neighbours, rows, halo);
                     }
                     add_linear(
                         root_halos.each_ref(),
