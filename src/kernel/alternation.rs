@@ -36,10 +36,10 @@ pub fn alternation(now: [&Halo; 3], before: [&Halo; 3], alive: &[u32; BLOCK_LEN]
                 let [mut difference, mut sum] = [0.0_f32; 2];
                 macro_rules! forward_springs { ($($d:literal)*) => { $( {
                     let [mut changing, mut staying] = [0.0_f32; 2];
-                    for (now, before) in now.iter().zip(&before) {
+                    for axis in 0..3 {
                         let (row, column) = (const { row_of($d) }, lane + const { column_of($d) });
-                        let w = now[row][column] - now[4][lane + 1];
-                        let earlier = before[row][column] - before[4][lane + 1];
+                        let w = now[axis][row][column] - now[axis][4][lane + 1];
+                        let earlier = before[axis][row][column] - before[axis][4][lane + 1];
                         changing += (w - earlier) * (w - earlier);
                         staying += (w + earlier) * (w + earlier);
                     }

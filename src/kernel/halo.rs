@@ -60,18 +60,24 @@ pub fn gather<T: Pod>(field: &[T], neighbours: &[u32; 27], halo: &mut [T; HALO_L
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2+fma", "x86_64+avx2+fma"), dispatcher = "direct")]
 pub fn gather_rows<T: Pod>(field: &[T], neighbours: &[u32; 27], rows: u128, halo: &mut [T; HALO_LEN]) {
     let blocks = field.as_chunks::<BLOCK_LEN>().0;
-    let empty = cast_slice(&EMPTY).first_chunk().expect("no field is wider");
-    let around: [&[[T; BLOCK[0]]; BLOCK[1] * BLOCK[2]]; 27] = neighbours.map(|block| {
-        let values = if block == NO_BLOCK { empty } else { &blocks[block as usize] };
-        values.as_chunks().0.try_into().expect("the rows of a block")
-    });
-    for (row, (to, &(place, from))) in halo.as_chunks_mut::<HALO_ROW>().0.iter_mut().zip(&SOURCES).enumerate() {
+    let empty: &[T; BLOCK_LEN] = cast_slice(&EMPTY).first_chunk().expect("no field is wider");
+    // Plain loops and whole arrays: without calls that only an optimiser across units takes out.
+    let mut around = [empty.as_chunks::<{ BLOCK[0] }>().0; 27];
+    for place in 0..27 {
+        if neighbours[place] != NO_BLOCK {
+            around[place] = blocks[neighbours[place] as usize].as_chunks().0;
+        }
+    }
+    let halo = halo.as_chunks_mut::<HALO_ROW>().0;
+    for row in 0..HALO_ROWS {
+        let to = &mut halo[row];
         if rows >> row & 1 == 0 {
             *to = [T::zeroed(); HALO_ROW];
             continue;
         }
+        let (place, from) = SOURCES[row];
         to[0] = around[place - 1][from][BLOCK[0] - 1];
-        to[1..=BLOCK[0]].copy_from_slice(&around[place][from]);
+        *to[1..].first_chunk_mut().expect("a row of the block") = around[place][from];
         to[HALO_ROW - 1] = around[place + 1][from][0];
     }
 }

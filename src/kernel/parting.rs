@@ -28,19 +28,19 @@ pub(super) fn widest_cell<V: Vector>(velocity: [&Halo; 3], present: &Halo) -> f3
         let mut below = [[[V::splat(0.0); 2]; 3]; BLOCK[1]];
         for z in 0..=BLOCK[2] as isize {
             let mut before = along_x::<V>(velocity, present, halo_row(0, z) + 1 + at);
-            for (y, below) in (1..).zip(&mut below) {
-                let row = along_x::<V>(velocity, present, halo_row(y, z) + 1 + at);
+            for y in 0..BLOCK[1] {
+                let row = along_x::<V>(velocity, present, halo_row(y as isize + 1, z) + 1 + at);
                 let face = joined(before, row);
                 if z > 0 {
                     let mut squared = V::splat(0.0);
-                    for [low, high] in joined(face, *below) {
+                    for [low, high] in joined(face, below[y]) {
                         // Empty cells have it the wrong way round.
                         let width = (high - low).max(V::splat(0.0));
                         squared = squared + width * width;
                     }
                     widest = squared.max(widest);
                 }
-                *below = face;
+                below[y] = face;
                 before = row;
             }
         }
@@ -54,11 +54,12 @@ pub(super) fn widest_cell<V: Vector>(velocity: [&Halo; 3], present: &Halo) -> f3
 #[inline(always)]
 fn along_x<V: Vector>(velocity: [&Halo; 3], present: &Halo, start: usize) -> Ranges<V> {
     let beyond = V::splat(BEYOND);
-    let [away, away_next] = [start, start + 1].map(|place| beyond - V::load(present, place) * beyond);
+    let away = beyond - V::load(present, start) * beyond;
+    let away_next = beyond - V::load(present, start + 1) * beyond;
     let mut ranges = [[beyond; 2]; 3];
-    for (range, halo) in ranges.iter_mut().zip(velocity) {
-        let (own, next) = (V::load(halo, start), V::load(halo, start + 1));
-        *range = [(own + away).min(next + away_next), (own - away).max(next - away_next)];
+    for component in 0..3 {
+        let (own, next) = (V::load(velocity[component], start), V::load(velocity[component], start + 1));
+        ranges[component] = [(own + away).min(next + away_next), (own - away).max(next - away_next)];
     }
     ranges
 }

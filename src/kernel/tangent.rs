@@ -90,7 +90,7 @@ pub fn stiffest<K: SpringConstant, A: Alive>(
                 add_tangents(root, fibres, y, z, &mut block);
             }
             for lane in 0..LANES {
-                let [x, y, z] = [0, 1, 2].map(|axis| force[axis][lane]);
+                let [x, y, z] = [force[0][lane], force[1][lane], force[2][lane]];
                 let leap = (4.0 / LEAP / state.pitch) * (x * x + y * y + z * z).sqrt();
                 out[start + lane] = inverse_mass[lane] * largest_eigenvalue(&block, lane).max(leap);
             }
@@ -234,7 +234,8 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 /// Never below the largest eigenvalue but for rounding: Newton's iteration from above on the characteristic polynomial.
 #[inline(always)]
 fn largest_eigenvalue(block: &[Lanes; 6], lane: usize) -> f32 {
-    let [xx, yy, zz, yz, xz, xy] = [0, 1, 2, 3, 4, 5].map(|entry| block[entry][lane]);
+    let [xx, yy, zz] = [block[0][lane], block[1][lane], block[2][lane]];
+    let [yz, xz, xy] = [block[3][lane], block[4][lane], block[5][lane]];
     let mean = (xx + yy + zz) * (1.0 / 3.0);
     let [x, y, z] = [xx - mean, yy - mean, zz - mean];
     let square = (x * x + y * y + z * z + 2.0 * (yz * yz + xz * xz + xy * xy)) * (1.0 / 6.0);

@@ -209,7 +209,7 @@ fn cell_plane<M: CellConstant, V: CellConstant, F: Fibres>(
         let slack = !F::PRESENT || fibres.iter().all(|axis| axis.iter().all(|&value| value == 0.0));
         if slack && modulus.iter().all(|&value| value == 0.0) {
             for number in out.iter_mut() {
-                number[start..start + LANES].fill(0.0);
+                *group_mut(number, start) = [0.0; LANES];
             }
             continue;
         }
@@ -229,8 +229,8 @@ fn cell_plane<M: CellConstant, V: CellConstant, F: Fibres>(
             fibres,
         };
         let numbers = cell_group::<M, V, F>(step, &cells);
-        for (number, lanes) in out.iter_mut().zip(&numbers) {
-            number[start..start + LANES].copy_from_slice(lanes);
+        for number in 0..9 {
+            *group_mut(&mut out[number], start) = numbers[number];
         }
     }
 }
@@ -391,6 +391,11 @@ fn corner_groups(halo: &Halo, first: usize) -> [&Lanes; 8] {
         group(halo, yz),
         group(halo, yz + 1),
     ]
+}
+
+#[inline(always)]
+fn group_mut(plane: &mut [f32; CELL_PLANE], start: usize) -> &mut Lanes {
+    (&mut plane[start..start + LANES]).try_into().expect("a group's length")
 }
 
 #[inline(always)]
