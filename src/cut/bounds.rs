@@ -29,12 +29,12 @@ impl Bounds {
         }
     }
 
-    pub(super) fn joined(mut self, other: &Self) -> Self {
+    /// Takes in another box.
+    pub(super) fn join(&mut self, other: &Self) {
         for axis in 0..3 {
             self.min[axis] = smaller(self.min[axis], other.min[axis]);
             self.max[axis] = larger(self.max[axis], other.max[axis]);
         }
-        self
     }
 
     /// The box with so much more on every side [m].

@@ -54,9 +54,9 @@ impl<'a> Cells<'a> {
         let mut list = Vec::with_capacity(found.iter().map(|(cells, _)| cells.len()).sum());
         found.into_iter().for_each(|(mut cells, _)| list.append(&mut cells));
         let cubes = CubeRanges::new(list.iter().map(|cell| cubes_of(&cell.bounds, tissue.lattice.pitch)).collect());
-        let all = list
-            .iter()
-            .fold(None, |all: Option<Bounds>, cell| Some(all.map_or(cell.bounds, |all| all.joined(&cell.bounds))));
+        let mut all = Bounds::EMPTY;
+        list.iter().for_each(|cell| all.join(&cell.bounds));
+        let all = (!list.is_empty()).then_some(all);
         Self { tissue, list, cubes, all, longest_move: longest_squared.sqrt() }
     }
 
@@ -99,7 +99,8 @@ impl<'a> Cells<'a> {
         let cube = cell_of(place / pitch);
         let found = |cell: &Cell| {
             let local = local(&self.corner_places(cell, share), place)?;
-            Some((Vector3::from(cell.ijk.map(|i| i as f64)), local))
+            let [i, j, k] = cell.ijk;
+            Some((Vector3::new(i as f64, j as f64, k as f64), local))
         };
         let mut inside = None;
         self.cubes.visit(&CubeRange { low: cube, high: cube }, &mut |number| {
@@ -169,20 +170,24 @@ impl Points {
         self.fill(tissue, *block, part);
         let corner = tissue.layout.corner(*block);
         let [nx, ny] = [part[0].len() + 1, part[1].len() + 1];
+        // From a cell's lowest corner to the others, x fastest.
+        let steps = [0, 1, nx, nx + 1, nx * ny, nx * ny + 1, nx * ny + nx, nx * ny + nx + 1];
         let (mut cells, mut longest) = (Vec::new(), 0.0_f64);
         for k in 0..part[2].len() {
             for j in 0..part[1].len() {
                 for i in 0..part[0].len() {
                     let first = (k * ny + j) * nx + i;
-                    let points = [0, 1, nx, nx + 1].map(|step| first + step);
-                    let points: [usize; 8] = std::array::from_fn(|c| points[c & 3] + (c >> 2) * nx * ny);
-                    if points.iter().any(|&point| self.slots[point] == NO_SLOT) {
+                    let mut slots = [NO_SLOT; 8];
+                    for (corner, slot) in slots.iter_mut().enumerate() {
+                        *slot = self.slots[first + steps[corner]];
+                    }
+                    if slots.contains(&NO_SLOT) {
                         continue;
                     }
                     let (mut bounds, mut longest_here) = (Bounds::EMPTY, 0.0);
-                    for &point in &points {
-                        let (way, squared) = &self.ways[point];
-                        bounds = bounds.joined(way);
+                    for step in steps {
+                        let (way, squared) = &self.ways[first + step];
+                        bounds.join(way);
                         longest_here = f64::max(longest_here, *squared);
                     }
                     if !reach.meets(&bounds) {
@@ -190,8 +195,11 @@ impl Points {
                     }
                     longest = longest.max(longest_here);
                     let local = [part[0].start + i, part[1].start + j, part[2].start + k];
-                    let ijk = [0, 1, 2].map(|axis| (corner[axis] + local[axis] as i64) as usize);
-                    cells.push(Cell { ijk, slots: points.map(|point| self.slots[point]), bounds });
+                    let mut ijk = [0; 3];
+                    for (axis, index) in ijk.iter_mut().enumerate() {
+                        *index = (corner[axis] + local[axis] as i64) as usize;
+                    }
+                    cells.push(Cell { ijk, slots, bounds });
                 }
             }
         }
@@ -235,13 +243,14 @@ impl Points {
 
 /// The cubes of a pitch that a box meets; none when they are too many.
 fn cubes_of(bounds: &Bounds, pitch: f64) -> CubeRange {
-    let [low, high] = [bounds.min, bounds.max].map(|corner| cell_of(corner / pitch));
-    let cubes: i64 = (0..3).map(|axis| (high[axis] - low[axis] + 1).min(MOST_CUBES)).product();
+    let (low, high) = (cell_of(bounds.min / pitch), cell_of(bounds.max / pitch));
+    let cubes: i64 =
+        (0..3).map(|axis| high[axis].saturating_sub(low[axis]).saturating_add(1).min(MOST_CUBES)).product();
     if cubes > MOST_CUBES { CubeRange::EMPTY } else { CubeRange { low, high } }
 }
 
 pub(super) fn cell_of(index: Vector3) -> [i64; 3] {
-    [0, 1, 2].map(|axis| index[axis].floor() as i64)
+    [index.x.floor() as i64, index.y.floor() as i64, index.z.floor() as i64]
 }
 
 /// Products of a vector with the points of a box, as far as they lie in 0 to 1.
