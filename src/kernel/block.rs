@@ -214,8 +214,9 @@ fn open_plane(work: &mut Work, known: Option<&[[f32; BLOCK_LEN]; 3]>, z: isize) 
     }
     let start = ring_row(-1, z);
     for axis in 0..3 {
-        work.own[axis][start..start + PLANE_ROWS * LANES].fill(0.0);
-        work.next[axis][start..start + PLANE_ROWS * LANES].fill(0.0);
+        for sums in [&mut work.own[axis], &mut work.next[axis]] {
+            *sums[start..].first_chunk_mut().expect("a plane of the ring") = [0.0; PLANE_ROWS * LANES];
+        }
         if let Some(known) = known
             && (0..BLOCK[2] as isize).contains(&z)
         {

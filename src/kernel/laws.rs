@@ -176,7 +176,7 @@ impl<'a> SpringConstant for SumOfCells<'a> {
     fn lanes<V: Vector, S: Strides, const D: usize>(self, values: &[f32], base: usize) -> V {
         let weight = V::splat(self.weight[const { family(D) } - 1]);
         let below = base.wrapping_add_signed(const { away::<S>([-1, -1, -1]) });
-        let [x, y, z] = S::STRIDES.map(|stride| stride as usize);
+        let [x, y, z] = const { [S::STRIDES[0] as usize, S::STRIDES[1] as usize, S::STRIDES[2] as usize] };
         weight * sum_of_cells!(D, |sx, sy, sz| V::load(values, below.wrapping_add(sx * x + sy * y + sz * z)))
     }
 }
