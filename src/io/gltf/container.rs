@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
+use tempfile::SpooledTempFile;
+
 use super::{CHUNK_BIN, CHUNK_JSON, MAGIC, VERSION};
 use crate::io::atomic;
 
@@ -29,7 +31,7 @@ impl Container {
     }
 
     /// Writes JSON and the first `bytes` of a spooled buffer. A buffer of its own appears before the JSON that names it.
-    pub(super) fn write(self, path: &Path, json: &[u8], mut buffer: File, bytes: u64) -> io::Result<()> {
+    pub(super) fn write(self, path: &Path, json: &[u8], mut buffer: SpooledTempFile, bytes: u64) -> io::Result<()> {
         buffer.rewind()?;
         if self == Self::Separate {
             atomic::write_file(&path.with_extension("bin"), |out| io::copy(&mut buffer, out).map(drop))?;

@@ -1,10 +1,10 @@
-//! A glTF document under construction: the JSON in memory, the buffer in a nameless temporary file of the target folder.
+//! A glTF document under construction: the JSON in memory, the buffer in memory too or, where it is long, in a nameless temporary file of
+//! the target folder.
 //!
-//! The buffer follows the JSON in a GLB, but the JSON is known last; so bytes are spooled and copied once at the end.
-//! The temporary file has no name, so nothing is left behind whatever happens.
+//! The buffer follows the JSON in a GLB, but the JSON is known last; so bytes are spooled and copied once at the end. The temporary file
+//! has no name, so nothing is left behind whatever happens.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -17,6 +17,7 @@ use gltf_json::mesh::Mode;
 use gltf_json::validation::Checked::Valid;
 use gltf_json::validation::USize64;
 use gltf_json::{Accessor, Index, Material, Mesh, Node, Root, Scene, animation, buffer, mesh};
+use tempfile::SpooledTempFile;
 
 use super::container::Container;
 use super::material::material;
@@ -26,6 +27,8 @@ use crate::io::encode::{push_f32, write_records};
 use crate::io::mesh_error::{WriteMeshError, check_organ};
 use crate::surface::mesh::OrganMesh;
 
+/// Bytes of a buffer that stay in memory: one mesh of a million triangles.
+const IN_MEMORY: usize = 64 << 20;
 /// Lengths in a GLB are 32-bit.
 const LIMIT: u64 = u32::MAX as u64;
 /// Vertices from which triangles need 32-bit indices: 65535 marks a restart in 16-bit ones.
@@ -38,7 +41,7 @@ pub(super) struct DocumentWriter {
     container: Container,
     precision: Precision,
     root: Root,
-    spool: BufWriter<File>,
+    spool: BufWriter<SpooledTempFile>,
     /// Bytes spooled.
     bytes: u64,
     /// The most a file may hold; smaller in tests.
@@ -60,8 +63,9 @@ impl DocumentWriter {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let spool = atomic::make_folder(folder).and_then(|()| tempfile::tempfile_in(folder));
-        let spool = BufWriter::with_capacity(1 << 20, spool.map_err(WriteMeshError::io(path))?);
+        atomic::make_folder(folder).map_err(WriteMeshError::io(path))?;
+        let spool = tempfile::spooled_tempfile_in(IN_MEMORY, folder);
+        let spool = BufWriter::with_capacity(1 << 20, spool);
         let mut root = Root::default();
         root.asset.generator = Some(format!("yawara {}", env!("CARGO_PKG_VERSION")));
         if precision == Precision::Quantized {
