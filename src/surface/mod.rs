@@ -1,13 +1,13 @@
 //! From the lattice to a surface: extraction, carrying, checking.
 //!
 //! ```text
-//! field      a value per grid point, above zero in tissue
-//! extract    once per cut epoch: crossings -> triangles, and for each vertex the particles that carry it
-//! carry      once per frame: displacements of the particles -> a TriangleMesh
-//! fine       the same from the CT at its own resolution, carried by a coarser lattice
-//! interfaces all organs at once, their walls drawn once and shared
-//! sharp_edges  two vertices where one serves both sides of a sharp edge
-//! check      is a mesh closed, manifold, oriented; its area, volume and parts
+//! field       a value per grid point, above zero in tissue
+//! extract     once per cut epoch: crossings -> triangles, and for each vertex the particles that carry it
+//! carry       once per frame: displacements of the particles -> a TriangleMesh
+//! fine        the same from the CT at its own resolution, carried by a coarser lattice
+//! interfaces  all organs at once, their walls drawn once and shared
+//! sharp_edges two vertices where one serves both sides of a sharp edge
+//! check       is a mesh closed, manifold, oriented; its area, volume and parts
 //! ```
 //! [`marching_cubes()`] is the same machinery for a plain field without a lattice.
 
