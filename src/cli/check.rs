@@ -14,6 +14,7 @@ use super::surface::mesher;
 use crate::io::gltf::GltfReader;
 use crate::io::mesh_format::MeshFormat;
 use crate::run::meshes::MeshOptions;
+use crate::surface::check::check as by_index;
 use crate::surface::mesh::OrganMesh;
 
 pub(super) fn check(arguments: &CheckArguments, messages: &Messages) -> anyhow::Result<Outcome> {
@@ -63,7 +64,9 @@ fn of_run(path: &Path, messages: &Messages) -> anyhow::Result<Checked> {
     let mut checked = Vec::new();
     for frame in 0..frames {
         let (_, meshes) = mesher.frame(frame)?;
-        checked.extend(meshes.into_iter().map(|organ| (Some(frame), organ.name, examine(&organ.mesh))));
+        // Surfaces of our own are closed by index, or not at all.
+        let report = |organ: &OrganMesh| Examined { report: by_index(&organ.mesh), merged: false };
+        checked.extend(meshes.into_iter().map(|organ| (Some(frame), organ.name.clone(), report(&organ))));
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -1,4 +1,4 @@
-//! Meshes as they are judged: by their indices, or where these do not close them, by the places of their vertices.
+//! Meshes of files as they are judged: by their indices, or where these do not close them, by the places of their vertices.
 
 use crate::surface::check::{MeshReport, check};
 use crate::surface::mesh::TriangleMesh;
@@ -11,7 +11,7 @@ pub(super) struct Examined {
     pub(super) merged: bool,
 }
 
-/// Examines a mesh.
+/// Examines a mesh from a file.
 pub(super) fn examine(mesh: &TriangleMesh) -> Examined {
     let report = check(mesh);
     if !report.is_closed() && report.non_finite_vertices == 0 {
