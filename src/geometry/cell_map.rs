@@ -1,10 +1,12 @@
-//! Maps by cells of a grid or other short lists of integers.
+//! Maps and sets by cells of a grid or other short lists of integers.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// A map by cells: many times as quick as the standard one, which guards against keys that are chosen to collide.
 pub(crate) type CellMap<K, V> = HashMap<K, V, BuildHasherDefault<CellHasher>>;
+/// A set of cells.
+pub(crate) type CellSet<K> = HashSet<K, BuildHasherDefault<CellHasher>>;
 
 /// Multiplies and folds.
 #[derive(Default)]

@@ -8,7 +8,7 @@ mod cell_map;
 mod grid;
 
 pub use affine::{Affine, AffineError};
-pub(crate) use cell_map::CellMap;
+pub(crate) use cell_map::{CellMap, CellSet};
 pub use grid::{Grid, GridShape};
 
 /// A point in patient space, RAS+ [mm], or in a frame named by the variable that holds it.

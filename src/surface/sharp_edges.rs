@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::mesh::TriangleMesh;
+use super::normals::{cross, sub, unit};
 
 /// A corner whose normal turns from its triangle by more than this (cosine; 47 degrees) lies on a sharp edge, where another surface
 /// gave it that normal.
@@ -24,8 +25,8 @@ const NONE: u32 = u32::MAX;
 /// Doubles the vertices on the rims of cuts and on other sharp edges. The new ones follow after the others, with the same attributes and
 /// the normal of their triangles, weighted by area.
 ///
-/// An edge is sharp where triangles turn from the normal of a vertex by more than 47 degrees, 20 on the face of a cut. Triangles stay in their order. A mesh
-/// without normals stays as it is.
+/// An edge is sharp where triangles turn from the normal of a vertex by more than 47 degrees, 20 on the face of a cut. Triangles stay in
+/// their order. A mesh without normals stays as it is.
 ///
 /// - `on_cut`: whether each vertex lies on a face of a cut, its rim included; empty when there is none.
 pub fn split_sharp_edges(mesh: &mut TriangleMesh, on_cut: &[bool]) {
@@ -136,13 +137,7 @@ fn double<T: Copy>(values: &mut Vec<T>, sources: &[u32]) {
 /// Normal with twice the area for its length; zero for a triangle without one.
 fn area_normal(mesh: &TriangleMesh, triangle: &[u32; 3]) -> [f32; 3] {
     let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
-    let [u, v] = [b, c].map(|end| [0, 1, 2].map(|axis| end[axis] - a[axis]));
-    [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
-}
-
-fn unit(v: [f32; 3]) -> [f32; 3] {
-    let length = dot(v, v).sqrt();
-    if length > 0.0 { v.map(|c| c / length) } else { v }
+    cross(sub(b, a), sub(c, a))
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {

@@ -13,7 +13,7 @@ use super::Frame;
 use super::hosts::{Host, Hosts, cell_of};
 use super::knife::Knife;
 use crate::cut::CutSheet;
-use crate::geometry::{CellMap, Vector3};
+use crate::geometry::{CellSet, Vector3};
 use crate::lattice::neighbours::{FIRST_FORWARD, NEIGHBOURS, opposite};
 use crate::lattice::{Lattice, NO_PARTICLE, SeveredSpring, Topology};
 
@@ -36,7 +36,7 @@ struct Followed {
 }
 
 /// Cells of the lattice, by their lowest corners.
-type Cells = CellMap<[i32; 3], ()>;
+type Cells = CellSet<[i32; 3]>;
 
 impl Opening {
     /// The living springs of a body.
@@ -98,9 +98,7 @@ impl Opening {
         self.followed = Some(Followed { topology: topology.clone(), sheet: cuts.clone(), passed, parted });
         cut
     }
-}
 
-impl Opening {
     /// Points of the body whose cells are among some, with their hosts, ascending.
     fn hosts_in(&mut self, cells: &Cells, fine: &Lattice, hosts: &Hosts<'_>, frame: &Frame) -> Vec<(u32, Host)> {
         let place = |point: u32| frame.place_of(fine, point);
@@ -108,8 +106,8 @@ impl Opening {
             let points = (0..fine.len() as u32).into_par_iter();
             points.filter_map(|point| Some((point, hosts.stray(place(point))?))).collect()
         });
-        let strays = strays.par_iter().filter(|(_, cell)| cells.contains_key(cell)).map(|&(point, _)| point);
-        let within = cells.par_iter().flat_map_iter(|(&cell, ())| points_in(cell, fine, frame));
+        let strays = strays.par_iter().filter(|(_, cell)| cells.contains(cell)).map(|&(point, _)| point);
+        let within = cells.par_iter().flat_map_iter(|&cell| points_in(cell, fine, frame));
         let mut found: Vec<(u32, Host)> = within.chain(strays).map(|point| (point, hosts.host(place(point)))).collect();
         found.par_sort_unstable_by_key(|entry| entry.0);
         found
@@ -138,12 +136,12 @@ fn key(spring: &SeveredSpring) -> (u32, u8) {
 
 /// Cells that new quads reach into, and all cells round the particles that lost a spring.
 fn touched(lattice: &Lattice, before: &Topology, after: &Topology, reached: impl Iterator<Item = [i32; 3]>) -> Cells {
-    let mut touched: Cells = reached.map(|cell| (cell, ())).collect();
+    let mut touched: Cells = reached.collect();
     let particles = before.alive().par_iter().zip(after.alive()).enumerate();
     let lost = particles.filter_map(|(particle, (before, after))| (before != after).then_some(particle as u32));
     for particle in lost.collect::<Vec<_>>() {
         let [i, j, k] = lattice.ijk(particle).map(|i| i as i32);
-        touched.extend((0..8).map(|back| ([i - (back & 1), j - (back >> 1 & 1), k - (back >> 2)], ())));
+        touched.extend((0..8).map(|back| [i - (back & 1), j - (back >> 1 & 1), k - (back >> 2)]));
     }
     touched
 }
