@@ -49,6 +49,13 @@ pub(crate) struct Vertex {
     pub(crate) sheet: Sheet,
 }
 
+impl Vertex {
+    /// Where it lies for light and colour: a crossing of the skin that was drawn to the rim of a cut is on the rim.
+    pub(crate) fn shown_on(&self) -> Sheet {
+        if matches!(self.carrier, Carrier::Rim { .. }) { Sheet::Rim } else { self.sheet }
+    }
+}
+
 /// A crack front: up to four particles with their weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Front {

@@ -98,7 +98,7 @@ impl Surface {
 
     /// Whether each vertex lies on a face of a cut (its rim included) rather than on the skin.
     pub fn on_seam(&self) -> impl ExactSizeIterator<Item = bool> + '_ {
-        self.embedding.vertices.iter().map(|vertex| shaded_sheet(vertex) != Sheet::Skin)
+        self.embedding.vertices.iter().map(|vertex| vertex.shown_on() != Sheet::Skin)
     }
 
     /// Which part of the surface each vertex lies on.
@@ -171,18 +171,13 @@ impl Surface {
     pub fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
         assert_eq!(positions.len(), self.vertex_count(), "one place per vertex");
         let layers = Layers { vertices: &self.vertex_layers, triangles: &self.triangle_layers };
-        vertex_normals(positions, &self.triangles, layers, |vertex| shaded_sheet(&self.embedding.vertices[vertex]))
+        vertex_normals(positions, &self.triangles, layers, |vertex| self.embedding.vertices[vertex].shown_on())
     }
 
     /// The surface at rest.
     pub fn at_rest(&self, lattice: &Lattice) -> TriangleMesh {
         self.carry(lattice, &vec![[0.0; 3]; self.particles])
     }
-}
-
-/// Where a vertex lies: a crossing of the skin that was drawn to the rim of a cut lies on the rim.
-fn shaded_sheet(vertex: &Vertex) -> Sheet {
-    if matches!(vertex.carrier, Carrier::Rim { .. }) { Sheet::Rim } else { vertex.sheet }
 }
 
 /// The centre of a loop, and the vertices of the loop.

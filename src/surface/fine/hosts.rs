@@ -9,7 +9,7 @@
 //! The corners that are seen: Belytschko, Lu and Gu, Element-free Galerkin methods, 1994 ("visibility criterion"). The corners
 //! that are continued: Molino, Bao and Fedkiw, A virtual node algorithm for changing mesh topology during simulation, 2004.
 
-use super::cell_states::{ALL, CellStates, particles_of, piece_of, present};
+use super::host_cells::{ALL, HostCells, particles_of, piece_of, present};
 use super::knife::Knife;
 use crate::geometry::{CellMap, Vector3};
 use crate::lattice::neighbours::direction_of;
@@ -28,12 +28,12 @@ pub(super) struct Hosts<'a> {
     lattice: &'a Lattice,
     topology: &'a Topology,
     knife: &'a Knife,
-    cells: CellStates,
+    cells: HostCells,
 }
 
 impl<'a> Hosts<'a> {
     pub(super) fn new(lattice: &'a Lattice, topology: &'a Topology, knife: &'a Knife) -> Self {
-        Self { lattice, topology, knife, cells: CellStates::new(lattice, topology, knife) }
+        Self { lattice, topology, knife, cells: HostCells::new(lattice, topology, knife) }
     }
 
     /// The host of a point, by its index coordinates in the lattice.

@@ -36,8 +36,7 @@ impl Knife {
         let times = sheet.times.iter().flat_map(|&time| [time; 2]).collect();
         let mut cells = CellMap::<[i32; 3], Vec<u32>>::default();
         for (number, triangle) in (0..).zip(&triangles) {
-            let [low, high] = bounds(triangle);
-            each_point(low.map(f64::floor), high.map(f64::floor), |cell| cells.entry(cell).or_default().push(number));
+            each_cell(triangle, |cell| cells.entry(cell).or_default().push(number));
         }
         Self { triangles, times, cells }
     }
@@ -51,8 +50,7 @@ impl Knife {
     pub(super) fn cells_of(&self, first: usize) -> impl Iterator<Item = [i32; 3]> + '_ {
         self.triangles[first..].iter().flat_map(|triangle| {
             let mut cells = Vec::new();
-            let [low, high] = bounds(triangle);
-            each_point(low.map(f64::floor), high.map(f64::floor), |cell| cells.push(cell));
+            each_cell(triangle, |cell| cells.push(cell));
             cells
         })
     }
@@ -113,6 +111,12 @@ impl Knife {
 /// Lowest and highest coordinates.
 fn bounds(triangle: &[Vector3; 3]) -> [Vector3; 2] {
     [triangle[0].inf(&triangle[1]).inf(&triangle[2]), triangle[0].sup(&triangle[1]).sup(&triangle[2])]
+}
+
+/// Cells that a triangle may reach into.
+fn each_cell(triangle: &[Vector3; 3], take: impl FnMut([i32; 3])) {
+    let [low, high] = bounds(triangle);
+    each_point(low.map(f64::floor), high.map(f64::floor), take);
 }
 
 fn each_point(low: Vector3, high: Vector3, mut take: impl FnMut([i32; 3])) {

@@ -16,7 +16,7 @@
 
 mod bound;
 mod carry;
-mod cell_states;
+mod host_cells;
 mod hosts;
 mod knife;
 mod opening;

@@ -33,7 +33,7 @@ pub use self::face::OUTSIDE;
 pub use self::mesh::{Interface, MultiMesh};
 pub use self::partition::{OrganField, Partition};
 use super::SurfaceError;
-use super::embed::Embedding;
+use super::embed::{Embedding, Vertex};
 use super::extract::add_gradients;
 use super::fine::{Bound, Memory};
 use super::normals::Sheet;
@@ -109,7 +109,7 @@ impl MultiSurface {
         let mut drawn = draw(lattice, topology, partition)?;
         add_gradients(&mut drawn.embedding, lattice, topology.alive());
         let embedding = std::mem::take(&mut drawn.embedding);
-        let sheets = embedding.vertices.iter().map(|vertex| vertex.sheet).collect();
+        let sheets = embedding.vertices.iter().map(Vertex::shown_on).collect();
         Ok(Self::of(drawn, Motion::Lattice(embedding), sheets))
     }
 
@@ -151,7 +151,7 @@ impl MultiSurface {
             }
             Ok((drawn, rest, anchors))
         })?;
-        let sheets = drawn.embedding.vertices.iter().map(|vertex| vertex.sheet).collect();
+        let sheets = drawn.embedding.vertices.iter().map(Vertex::shown_on).collect();
         Ok(Self::of(drawn, Motion::Fine(bound), sheets))
     }
 

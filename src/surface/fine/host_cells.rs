@@ -1,4 +1,5 @@
-//! What is known of every cell of a lattice before any point is asked for: which of its corners carry, wherever in it a point lies.
+//! What is known of every cell of a lattice as a host before any point is asked for: which of its corners carry, wherever in it a point
+//! lies.
 
 use rayon::prelude::*;
 
@@ -12,9 +13,9 @@ use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 /// All eight corners.
 pub(super) const ALL: u8 = u8::MAX;
 
-/// What is known of a cell.
+/// What is known of a cell as a host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct CellState(u16);
+pub(super) struct HostCell(u16);
 
 /// All 28 springs live and no blade went in.
 const WHOLE: u16 = 1 << 8;
@@ -23,7 +24,7 @@ const TOUCHED: u16 = 1 << 9;
 /// It has corners, and which of them carry depends on where the point is.
 const SIDED: u16 = 1 << 10;
 
-impl CellState {
+impl HostCell {
     /// No corner is a particle.
     pub(super) fn is_void(self) -> bool {
         self.0 & (u16::from(ALL) | SIDED) == 0
@@ -41,17 +42,17 @@ impl CellState {
 }
 
 /// The states of all cells with a corner on the grid.
-pub(super) struct CellStates {
+pub(super) struct HostCells {
     /// One cell more than points along each axis: the first cells begin one point before the grid.
     shape: GridShape,
-    states: Vec<CellState>,
+    states: Vec<HostCell>,
 }
 
-impl CellStates {
+impl HostCells {
     pub(super) fn new(lattice: &Lattice, topology: &Topology, knife: &Knife) -> Self {
         let points = lattice.grid.shape;
         let shape = GridShape::new(points.nx + 1, points.ny + 1, points.nz + 1);
-        let mut states = vec![CellState::default(); shape.len()];
+        let mut states = vec![HostCell::default(); shape.len()];
         let mut touch = |cell: [i32; 3]| {
             if let Some(at) = place(shape, cell) {
                 states[at].0 |= TOUCHED;
@@ -74,8 +75,8 @@ impl CellStates {
     }
 
     /// The state of a cell by its lowest corner.
-    pub(super) fn of(&self, cell: [i32; 3]) -> CellState {
-        place(self.shape, cell).map_or_else(CellState::default, |at| self.states[at])
+    pub(super) fn of(&self, cell: [i32; 3]) -> HostCell {
+        place(self.shape, cell).map_or_else(HostCell::default, |at| self.states[at])
     }
 }
 
@@ -86,11 +87,11 @@ fn place(shape: GridShape, cell: [i32; 3]) -> Option<usize> {
     within.then(|| shape.linear(at.map(|i| i as usize)))
 }
 
-fn state_of(lattice: &Lattice, topology: &Topology, cell: [i32; 3], mut state: CellState) -> CellState {
+fn state_of(lattice: &Lattice, topology: &Topology, cell: [i32; 3], mut state: HostCell) -> HostCell {
     let particles = particles_of(lattice, cell);
     let present = present(&particles);
     if present == 0 {
-        return CellState::default();
+        return HostCell::default();
     }
     let touched = state.0 & TOUCHED != 0;
     if present == ALL && !touched && topology.whole_cell(lattice, particles[0]).is_some() {
