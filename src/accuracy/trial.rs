@@ -1,6 +1,6 @@
 //! One run of a scene with choices made, kept in memory to be compared.
 
-use crate::deviation::{Deviation, between_lattices, judged, on_one_lattice};
+use crate::deviation::{Deviation, Judged};
 use crate::dynamics::World;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::Timeline;
@@ -34,13 +34,12 @@ impl Choice {
     /// # Errors
     /// If there is no such lattice.
     pub fn prepare(&self, scene: &Scene, inputs: &Inputs) -> Result<(Scene, Prepared), AccuracyError> {
-        let mut scene = scene.clone();
+        let own = scene.lattice.pitch.or(own_pitch_mm(inputs).map(|mm| mm * 1e-3));
         // As it was written, where it was: a pitch of the volume's own takes its voxels as they are.
-        if scene.lattice.pitch.is_some_and(|pitch| (pitch * 1e3 / self.pitch_mm - 1.0).abs() > 1e-9)
-            || (scene.lattice.pitch.is_none() && own_pitch_mm(inputs) != Some(self.pitch_mm))
-        {
-            scene.lattice.pitch = Some(self.pitch_mm * 1e-3);
-        }
+        let mut scene = match own.filter(|own| (own * 1e3 / self.pitch_mm - 1.0).abs() > 1e-9) {
+            Some(own) => scene.at_pitch(own, self.pitch_mm * 1e-3),
+            None => scene.clone(),
+        };
         scene.time.integrator = self.method;
         scene.time.dt = None;
         let mut prepared = prepare(&scene, inputs)?;
@@ -82,17 +81,14 @@ impl Collector {
     /// The finished run.
     pub fn into_trial(self, choice: Choice, world: &World, scene: &Scene) -> Trial {
         let lattice = world.lattice().clone();
-        let particles = judged(&lattice, scene);
-        let length = |frame: &Vec<[f32; 3]>| {
-            let of = |&p: &u32| wide(&frame[p as usize]).norm();
-            particles.iter().map(of).fold(0.0, f64::max)
-        };
+        let judged = Judged::of(&lattice, scene);
+        let largest = |frame: &Vec<[f32; 3]>| judged.largest(|particle| wide(&frame[particle as usize]));
         Trial {
             choice,
             steps: world.steps(),
             dt: world.time() / world.steps().max(1) as f64,
-            largest_mm: self.kept.iter().map(length).fold(0.0, f64::max),
-            particles,
+            largest_mm: self.kept.iter().map(largest).fold(0.0, f64::max),
+            judged,
             topology: world.topology().clone(),
             frames: self.kept,
             lattice,
@@ -111,8 +107,7 @@ pub struct Trial {
     pub dt: f64,
     /// Largest displacement of a judged particle at any instant [mm].
     pub largest_mm: f64,
-    /// Particles that are judged.
-    particles: Vec<u32>,
+    judged: Judged,
     lattice: Lattice,
     /// Springs at the end.
     topology: Topology,
@@ -163,10 +158,10 @@ impl Trial {
         let instants = self.frames.iter().zip(&other.frames).map(|(found, expected)| {
             let [found, expected] = [found, expected].map(|frame| frame.iter().map(wide).collect::<Vec<_>>());
             if same {
-                on_one_lattice(&self.particles, &found, &expected)
+                self.judged.on_one_lattice(&found, &expected)
             } else {
-                let coarse = (&self.lattice, &self.particles[..], &found[..]);
-                between_lattices(coarse, (&other.lattice, &other.topology, &expected))
+                let fine = (&other.lattice, &other.topology, &expected[..]);
+                self.judged.between_lattices((&self.lattice, &found), fine)
             }
         });
         instants.reduce(Deviation::worse).filter(|deviation| deviation.points > 0)

@@ -44,6 +44,23 @@ pub struct Scene {
     pub operations: Vec<Operation>,
 }
 
+impl Scene {
+    /// The same scene, of the same materials, on a lattice of another pitch: a damping ratio becomes the one that has the viscosity there
+    /// that this one has here.
+    ///
+    /// - `own`: the pitch that the scene has by itself \[m\].
+    pub fn at_pitch(&self, own: f64, pitch: f64) -> Self {
+        let mut scene = self.clone();
+        scene.lattice.pitch = Some(pitch);
+        for organ in &mut scene.organs {
+            if let Body::Tissue { damping: Damping::Ratio(ratio), .. } = &mut organ.body {
+                *ratio *= own / pitch;
+            }
+        }
+        scene
+    }
+}
+
 /// When blocks at rest are left out of the step, see [`crate::dynamics::effects::sleep`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -166,7 +166,8 @@ pub(super) struct Organ {
     /// `density = { hu = "schneider_2000" }` or `density = { file = "density.nii.gz" }`.
     pub(super) density: Option<Written<Density>>,
     /// Damping relative to critical at the lattice's own frequency, sqrt(youngs_modulus / density) / pitch; 0 or more,
-    /// model "tissue" only. Another pitch damps the same motion differently; `viscosity`, given instead, does not.
+    /// model "tissue" only. Another pitch damps the same motion differently; `viscosity`, given instead, does not. Where
+    /// `accuracy` or a study tries other pitches, it stands for the viscosity that it has at the scene's own.
     /// Default: 0.1, unless `viscosity` is given. Example: `damping_ratio = 0.2`.
     #[schemars(extend("minimum" = 0))]
     pub(super) damping_ratio: Option<f64>,

@@ -115,10 +115,10 @@ impl Choice {
         Integrator { tolerance: self.tolerance().unwrap_or(usual.tolerance), precision, ..usual }
     }
 
-    /// The scene with this choice made and so many instants as frames; the step is left to [`Choice::schedule`], and what scenes do
-    /// not ask for to [`Choice::way`].
-    pub fn apply(&self, scene: &Scene, instants: usize) -> Scene {
-        let mut scene = at_pitch(scene, self.pitch_mm, instants);
+    /// A [`plain`] scene, whose own pitch this is \[mm\], with this choice made; the step is left to [`Choice::schedule`], and what scenes
+    /// do not ask for to [`Choice::way`].
+    pub fn apply(&self, plain: &Scene, own_mm: f64) -> Scene {
+        let mut scene = plain.at_pitch(own_mm * 1e-3, self.pitch_mm * 1e-3);
         scene.time.exact = self.arithmetic == Arithmetic::Exact;
         scene.time.tolerance = self.tolerance();
         scene.time.integrator = self.integrator;
@@ -151,10 +151,9 @@ pub fn longest(method: Method, prepared: &Prepared, scene: &Scene) -> Result<Sch
     Schedule::new(&scene.time, at_rest, sharpen)
 }
 
-/// A scene at a pitch, under the plain step, with the step left to the program and so many frames.
-pub fn at_pitch(scene: &Scene, pitch_mm: f64, instants: usize) -> Scene {
+/// A scene at its own pitch, under the plain step, with the step left to the program and so many frames.
+pub fn plain(scene: &Scene, instants: usize) -> Scene {
     let mut scene = scene.clone();
-    scene.lattice.pitch = Some(pitch_mm * 1e-3);
     scene.time.dt = None;
     scene.time.frames = instants;
     scene.time.integrator = Method::SymplecticEuler;

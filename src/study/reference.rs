@@ -13,7 +13,7 @@
 
 use std::path::Path;
 
-use crate::deviation::{Deviation, judged, on_one_lattice};
+use crate::deviation::{Deviation, Judged};
 use crate::geometry::Vector3;
 use crate::lattice::{Lattice, Topology};
 use crate::scene::resolved::Scene;
@@ -60,7 +60,7 @@ pub struct Reference {
     /// The finest run, with the limit in place of its own displacements where that is the better reference.
     pub track: Track,
     /// Particles that are judged.
-    pub particles: Vec<u32>,
+    pub judged: Judged,
     /// Whether the limit is taken.
     pub extrapolated: bool,
     /// How far the reference itself may be off; `None` when there is but one run.
@@ -78,16 +78,16 @@ impl Reference {
     /// `None` without a run.
     pub fn of(mut runs: Vec<(f64, Track)>, scene: &Scene, order: f64, smooth: bool) -> Option<Self> {
         let (finest, mut track) = runs.pop()?;
-        let particles = judged(track.lattice(), scene);
+        let judged = Judged::of(track.lattice(), scene);
         let mut extrapolated = false;
         let mut doubt = None;
         if let Some((coarser, second)) = runs.pop() {
-            let step = deviation(&particles, &second, &track)?;
+            let step = deviation(&judged, &second, &track)?;
             let limit = limit(&track, &second, finest / coarser, order);
             let limit_before =
                 runs.pop().map(|(coarsest, third)| self::limit(&second, &third, coarser / coarsest, order));
             let doubt_of_limit = match &limit_before {
-                Some(before) => worst(&particles, &limit, before),
+                Some(before) => worst(&judged, &limit, before),
                 None if smooth => Some(Deviation {
                     max_mm: 0.5 * step.max_mm,
                     most_mm: 0.5 * step.most_mm,
@@ -102,9 +102,9 @@ impl Reference {
                 track.frames = limit;
             }
         }
-        let largest = |frame: &Vec<Vector3>| particles.iter().map(|&p| frame[p as usize].norm()).fold(0.0, f64::max);
+        let largest = |frame: &Vec<Vector3>| judged.largest(|particle| frame[particle as usize]);
         let largest_mm = track.frames.iter().map(largest).fold(0.0, f64::max);
-        Some(Self { track, particles, extrapolated, doubt, largest_mm })
+        Some(Self { track, judged, extrapolated, doubt, largest_mm })
     }
 
     /// How far a run on the same lattice is off, at the worst instant.
@@ -114,17 +114,17 @@ impl Reference {
 
     /// How far two runs on the same lattice are from each other, at the worst instant.
     pub fn apart(&self, run: &Track, other: &Track) -> Option<Deviation> {
-        deviation(&self.particles, run, other)
+        deviation(&self.judged, run, other)
     }
 }
 
-fn deviation(particles: &[u32], found: &Track, expected: &Track) -> Option<Deviation> {
-    worst(particles, &found.frames, &expected.frames)
+fn deviation(judged: &Judged, found: &Track, expected: &Track) -> Option<Deviation> {
+    worst(judged, &found.frames, &expected.frames)
 }
 
-fn worst(particles: &[u32], found: &[Vec<Vector3>], expected: &[Vec<Vector3>]) -> Option<Deviation> {
+fn worst(judged: &Judged, found: &[Vec<Vector3>], expected: &[Vec<Vector3>]) -> Option<Deviation> {
     let instants = found.iter().zip(expected);
-    instants.map(|(found, expected)| on_one_lattice(particles, found, expected)).reduce(Deviation::worse)
+    instants.map(|(found, expected)| judged.on_one_lattice(found, expected)).reduce(Deviation::worse)
 }
 
 /// What a vanishing step would give, from a run and one whose step is `ratio` times longer.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
 
-use super::choice::{Arithmetic, Choice, METHODS, at_pitch, longest, may_judge};
+use super::choice::{Arithmetic, Choice, METHODS, longest, may_judge, plain};
 use super::ledger::{FORMAT, Ledger, LedgerError, Line, Pace, ProbeLine, RunLine, SkippedLine, Subject};
 use super::plan::{Options, PITCHES, Plan, SLACK, plan};
 use super::probe::paces;
@@ -55,6 +55,8 @@ pub enum StudyError {
 /// What a study is made of.
 pub struct Study<'a> {
     scene: &'a Scene,
+    /// The scene under the plain step, at its own pitch.
+    plain: Scene,
     inputs: &'a Inputs,
     folder: PathBuf,
     options: Options,
@@ -111,13 +113,12 @@ impl<'a> Study<'a> {
         let ledger = Ledger::open(folder, &subject)?;
         let spent_before = ledger.runs().map(|run| run.all_seconds).sum();
         // The pitch the scene has by itself, which may come from its volume.
-        let mut plain = at_pitch(scene, 1.0, options.instants);
-        plain.lattice.pitch = scene.lattice.pitch;
+        let plain = plain(scene, options.instants);
         let prepared = prepare(&plain, inputs)?;
         let scene_pitch_mm = rounded(prepared.lattice.pitch * 1e3);
         let levels = BTreeMap::from([(scene_pitch_mm.to_bits(), Level { prepared, longest: Vec::new() })]);
         let folder = folder.to_owned();
-        Ok(Self { scene, inputs, folder, options, ledger, levels, scene_pitch_mm, began, spent_before })
+        Ok(Self { scene, plain, inputs, folder, options, ledger, levels, scene_pitch_mm, began, spent_before })
     }
 
     /// What was found so far.
@@ -224,7 +225,7 @@ impl<'a> Study<'a> {
         let most = Duration::from_secs_f64(PROBE * self.options.budget_seconds);
         let mut probed = || -> Result<(usize, Vec<Pace>, Duration), String> {
             let text = |error: &dyn std::error::Error| error.to_string();
-            let scene = at_pitch(self.scene, pitch_mm, self.options.instants);
+            let scene = self.at_pitch(pitch_mm);
             let schedule = |choice: &Choice| Ok((choice.clone(), self.schedule(choice)?));
             let ways = wanted.iter().map(schedule).collect::<Result<Vec<_>, PrepareError>>();
             let ways = ways.map_err(|error| text(&error))?;
@@ -258,10 +259,14 @@ impl<'a> Study<'a> {
         }
     }
 
+    fn at_pitch(&self, pitch_mm: f64) -> Scene {
+        self.plain.at_pitch(self.scene_pitch_mm * 1e-3, pitch_mm * 1e-3)
+    }
+
     fn level(&mut self, pitch_mm: f64) -> Result<&mut Level, PrepareError> {
         let key = pitch_mm.to_bits();
         if !self.levels.contains_key(&key) {
-            let prepared = prepare(&at_pitch(self.scene, pitch_mm, self.options.instants), self.inputs)?;
+            let prepared = prepare(&self.at_pitch(pitch_mm), self.inputs)?;
             self.levels.insert(key, Level { prepared, longest: Vec::new() });
         }
         Ok(self.levels.get_mut(&key).expect("just prepared"))
@@ -269,7 +274,7 @@ impl<'a> Study<'a> {
 
     /// The steps of a choice.
     fn schedule(&mut self, choice: &Choice) -> Result<Schedule, PrepareError> {
-        let scene = at_pitch(self.scene, choice.pitch_mm, self.options.instants);
+        let scene = self.at_pitch(choice.pitch_mm);
         let Level { prepared, longest: known } = self.level(choice.pitch_mm)?;
         let own = known.iter().find(|(method, _)| *method == choice.integrator).map(|(_, schedule)| *schedule);
         let own = match own {
@@ -335,7 +340,7 @@ impl<'a> Study<'a> {
 
     fn run_one(&mut self, choice: &Choice, repeat: usize, rounding: bool) -> Result<(), StudyError> {
         let begun = Instant::now();
-        let scene = choice.apply(self.scene, self.options.instants);
+        let scene = choice.apply(&self.plain, self.scene_pitch_mm);
         let schedule = self.schedule(choice)?;
         let mut prepared = self.level(choice.pitch_mm)?.prepared.clone();
         prepared.schedule = schedule;
