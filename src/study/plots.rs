@@ -151,9 +151,9 @@ fn pitches(findings: &Findings) -> Plot {
         levels.filter_map(|level| Some([level.pitch_mm, part(&level.from_finest?)])).filter(|p| p[1] > 0.0).collect()
     };
     let estimated = findings.levels.iter().filter_map(|level| Some([level.pitch_mm, level.space_error?.rms_mm]));
-    let law = findings.space_law.map_or(String::new(), |law| {
-        if law.found { format!(", order {:.2}", law.order) } else { ", order 1 assumed".to_owned() }
-    });
+    let law = findings
+        .space_law
+        .map_or(String::new(), |law| format!(", order {:.2}{}", law.order, if law.found { "" } else { " assumed" }));
     let mut series = vec![
         Series { name: "seen (max)".to_owned(), points: seen(|d| d.max_mm), stroke: Stroke::Discs },
         Series { name: "seen (rms)".to_owned(), points: seen(|d| d.rms_mm), stroke: Stroke::Discs },

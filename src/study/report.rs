@@ -206,7 +206,10 @@ fn summary(findings: &Findings) -> Vec<String> {
                 law.order, law.pitches
             )
         } else {
-            "if it goes with the pitch itself, which the pitches of this study do not show".to_owned()
+            format!(
+                "if it goes with the power {:.1} of the pitch, which the pitches of this study do not show",
+                law.order
+            )
         };
         sentences.push(format!(
             "The pitch of {} mm is off by {} (rms), {how}.",
@@ -390,7 +393,7 @@ fn pitches(text: &mut String, page: &Page<'_>, findings: &Findings) -> fmt::Resu
     let order = if law.found {
         format!("with `q = {:.2}`, fitted to {} pitches", law.order, law.pitches)
     } else {
-        "with `q = 1`, assumed: these pitches show no power".to_owned()
+        format!("with `q = {:.1}`, assumed: these pitches show no power", law.order)
     };
     writeln!(
         text,
