@@ -5,19 +5,20 @@
 //!                                ▲                  │
 //!                                └──── again ◄──────┴────► missed
 //! ```
-//! **What is promised.** The error of a run is the root mean square over the particles of soft tissue of how far they are from
+//! **What is promised.** The error of a run is the root mean square over the soft tissue of how far its particles are from
 //! where vanishing pitch and step would have them, at the worst of up to [`trial::INSTANTS`] frames, over the largest displacement
-//! of any of them. Where a scene names its pitch (or has model `paper`, whose constants belong to one), that lattice is
+//! of any of them. The tissue is that of the scene without `accuracy`: a `damping_ratio` stands for the viscosity that it has at the
+//! volume's own spacing. Where a scene names its pitch (or has model `paper`, whose constants belong to one), that lattice is
 //! what it asks for, and the error is that of stepping alone.
 //!
 //! **How.** A lattice with twice the pitch costs a sixteenth. So the search begins with coarse ones ([`search`]): there longer against
 //! shorter steps tell what stepping costs (`steps`), and what a finer lattice changes tells the power of the pitch that the error
-//! follows (`space`). Each run is judged by the coarser ones before it, or by one with other steps. All choices rest on counted
+//! follows (`space`). It goes on in short strides (`pitches`), as all lattices before the last cost together about as much as that one. Each run is judged by the coarser ones before it, or by one with other steps. All choices rest on counted
 //! steps, never on a clock, so that the same scene makes the same choices on every machine. It takes a finer lattice to know what a
 //! coarser one errs by: where that one turns out to keep the bound as well, this is told, for scenes like it.
 //!
-//! **When it fails.** Half-spaces and blades that take in other particles at each pitch, damping by `damping_ratio`, which fades with the
-//! pitch, and borders drawn in voxels converge slowly. When no lattice that can be paid for reaches the bound, the run is made at
+//! **When it fails.** Half-spaces and blades that take in other particles at each pitch, contact and borders drawn in voxels converge
+//! slowly or by leaps. When no lattice that can be paid for reaches the bound, the run is made at
 //! the volume's own spacing, and the estimate and the pitch it would take are told.
 
 mod pitches;

@@ -1,9 +1,10 @@
 //! Which pitch, integrator and step keep a bound: probes, choices, and the judgement of runs.
 
 use super::pitches::Pitches;
-use super::space::{SpaceError, space_error};
+use super::space::pitch_law;
 use super::steps::{Law, better, error_mm, least_price, order};
 use super::trial::{Choice, Trial};
+use crate::deviation::pitch_law::PitchLaw;
 use crate::dynamics::StepError;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::TimelineError;
@@ -11,22 +12,27 @@ use crate::run::inputs::Inputs;
 use crate::run::prepare::PrepareError;
 use crate::scene::resolved::{Model, Scene, needs_plain_step};
 
-/// A lattice says something about finer ones when it has so many particles.
+/// Steps are tried, and pitches chosen, on lattices with so many particles.
 const LEAST_PARTICLES: usize = 60;
+/// A lattice with so many says something about finer ones.
+const LEAST_COMPARED: usize = 20;
 /// No lattice with more is chosen unless the scene names its pitch.
 const MOST_PARTICLES: f64 = 3e6;
 /// Share of the bound that is left to steps where the pitch is chosen too.
 const STEPS_SHARE: f64 = 0.2;
-/// The next pitch is chosen for this share of the bound, so that it need not be done again.
-const ROOM: f64 = 0.85;
+/// The next pitch is sought for an error so many times the bound: coarse lattices mostly say too much of finer ones, and a pitch too fine
+/// costs more than one more between.
+const TOWARD: f64 = 1.2;
+/// It is at most so many times finer, by lattices that tell the power of the pitch and by fewer.
+const STRIDE: [f64; 2] = [2.0, 1.5];
 /// Lattices that are needed to know the power of the pitch.
 const KNOWN: usize = 3;
+/// With fewer, an error counts as known below this share of the bound.
+const UNKNOWN: f64 = 0.4;
 /// Particles of a lattice that says of a much finer one what its error will be.
 const TRUSTED: f64 = 1000.0;
-/// With fewer, an error counts as known below this share of the bound.
-const UNKNOWN: f64 = 0.5;
 /// Runs that are judged at most.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 12;
 /// Steps of a run that another is judged by, over its own.
 const CHECK: [f64; 2] = [0.5, 6.0];
 /// No shorter steps than this are chosen.
@@ -179,9 +185,11 @@ impl<'a> Search<'a> {
             }
         }
         let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
-        let next_mm = self.pitches.at_most(self.probed_mm / 1.3);
-        if next_mm > 0.99 * self.probed_mm {
+        let Some(next_mm) = self.pitches.below(self.probed_mm, self.probed_mm) else {
             return self.choose(self.pitches.own_mm, bound_mm, tell);
+        };
+        if let Some(coarser) = self.coarser(bound_mm, tell)? {
+            self.levels.push(coarser);
         }
         let here = self.choose(self.probed_mm, bound_mm, tell)?;
         let coarsest = match self.probes.iter().find(|probe| probe.choice == here) {
@@ -190,6 +198,14 @@ impl<'a> Search<'a> {
         };
         self.levels.push(coarsest);
         self.choose(next_mm, bound_mm, tell)
+    }
+
+    /// A lattice clearly coarser than the one that was tried, to compare with: it need not be good for anything else.
+    fn coarser(&mut self, bound_mm: f64, tell: &mut dyn FnMut(&Told<'_>)) -> Result<Option<Trial>, AccuracyError> {
+        let choice = self.choose(self.pitches.clearly_above(self.probed_mm), bound_mm, tell)?;
+        let prepared = choice.prepare(self.scene, self.inputs);
+        let compares = prepared.is_ok_and(|(_, prepared)| prepared.lattice.len() >= LEAST_COMPARED);
+        Ok(if compares { self.run(choice, tell).ok() } else { None })
     }
 
     /// Judges a run of the last choice, or what ended it.
@@ -208,10 +224,9 @@ impl<'a> Search<'a> {
             (Err(error), Some(_)) => Ok(Verdict::Diverged(error)),
             (Err(error), None) => {
                 // A finer lattice may hold together.
-                let finer_mm = self.pitches.at_most(0.99 * choice.pitch_mm);
-                if finer_mm >= 0.999 * choice.pitch_mm {
+                let Some(finer_mm) = self.pitches.below(choice.pitch_mm, choice.pitch_mm) else {
                     return Ok(Verdict::Diverged(error));
-                }
+                };
                 tell(&Told::Unusable(choice, &error.into()));
                 let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
                 Ok(Verdict::Again(None, self.choose(finer_mm, bound_mm, tell)?))
@@ -227,27 +242,13 @@ impl<'a> Search<'a> {
         let law = self.laws.iter().find(|law| law.method == method);
         let steps_mm = law.map_or(0.0, |law| law.error_mm(dt));
         let share = |mm: f64| if largest_mm > 0.0 { mm / largest_mm } else { 0.0 };
-        let judged = |found: Option<SpaceError>| Estimate {
+        let found = pitch_law(&self.levels);
+        let estimate = Estimate {
             steps: share(steps_mm),
-            pitch: found.map(|found| share(found.error_mm)),
-            order: found.map(|found| found.order),
+            pitch: found.map(|law| share(law.error(pitch_mm).rms_mm)),
+            order: found.map(|law| law.order),
             largest_mm,
         };
-        let mut found = space_error(&self.levels);
-        let mut estimate = judged(found);
-        // Two lattices do not tell whether the error falls with the pitch at all. A third between them costs less than a finer one.
-        let unsure = UNKNOWN * self.asked..=self.asked;
-        if self.levels.len() < KNOWN
-            && unsure.contains(&estimate.error())
-            && let Some(between_mm) = self.pitches.between(self.levels[0].choice.pitch_mm, pitch_mm)
-        {
-            let choice = self.choose(between_mm, STEPS_SHARE * self.asked * largest_mm, tell)?;
-            if let Ok(between) = self.run(choice, tell) {
-                self.levels.insert(1, between);
-                found = space_error(&self.levels);
-                estimate = judged(found);
-            }
-        }
         let Some(found) = found else {
             let what = match self.levels.len() {
                 1 => "the organs have too few voxels for coarser lattices",
@@ -256,23 +257,25 @@ impl<'a> Search<'a> {
             let why = format!("{what}; name a lattice.pitch, and the bound will be that of the steps");
             return Ok(Verdict::Missed(estimate, why));
         };
-        if estimate.error() <= self.asked {
+        let known = self.levels.len() >= KNOWN;
+        let ends_here = self.last.is_some() || self.pitches.below(pitch_mm, pitch_mm).is_none();
+        if estimate.error() <= if known || ends_here { self.asked } else { UNKNOWN * self.asked } {
             let enough = self.enough(&found, largest_mm);
             return Ok(Verdict::Kept(estimate, enough));
         }
-        let known = self.levels.len() >= KNOWN;
         if let Some(why) = self.last.take() {
             return Ok(Verdict::Missed(estimate, why));
         }
         let bound_mm = self.asked * largest_mm;
         let affordable_mm = pitch_mm * (particles / MOST_PARTICLES).cbrt();
         let finest_mm = affordable_mm.max(self.pitches.finest());
-        let wish_mm = found.pitch(pitch_mm, ROOM * (bound_mm - steps_mm).max(0.1 * bound_mm));
-        let next_mm = self.pitches.at_most(wish_mm.max(pitch_mm / if known { 2.0 } else { 1.34 }));
-        let mut next_mm = if next_mm < pitch_mm { next_mm } else { self.pitches.at_most(0.99 * pitch_mm) };
+        let room_mm = (bound_mm - steps_mm).max(0.1 * bound_mm);
+        let wish_mm = found.pitch(room_mm);
+        let toward_mm = found.pitch(TOWARD * room_mm).max(pitch_mm / STRIDE[usize::from(!known)]);
+        let mut next_mm = self.pitches.below(pitch_mm, toward_mm).unwrap_or(pitch_mm);
         let finer = next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
         if (known && particles > TRUSTED && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
-            let SpaceError { order: power, .. } = found;
+            let PitchLaw { order: power, .. } = found;
             let many = particles * (pitch_mm / wish_mm).powi(3);
             let why = format!(
                 "the error falls with the power {power:.1} of the pitch: some {wish_mm:.2} mm, with {many:.0e} particles, would be \
@@ -291,15 +294,14 @@ impl<'a> Search<'a> {
     }
 
     /// The coarsest of the lattices before whose error is within the bound too, now that it is known.
-    fn enough(&self, found: &SpaceError, largest_mm: f64) -> Option<Choice> {
+    fn enough(&self, found: &PitchLaw, largest_mm: f64) -> Option<Choice> {
         let (finest, before) = self.levels.split_last()?;
+        let finest_mm = found.error(finest.choice.pitch_mm).rms_mm;
         let within = |level: &&Trial| {
             let law = self.laws.iter().find(|law| law.method == level.choice.method);
             let steps_mm = law.map_or(0.0, |law| law.error_mm(level.dt));
-            // By the law, and by what was seen.
-            let by_law = found.at(finest.choice.pitch_mm, level.choice.pitch_mm);
-            let seen = level.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm + found.error_mm);
-            by_law.max(seen) + steps_mm <= self.asked * largest_mm
+            let seen_mm = level.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm);
+            seen_mm + finest_mm + steps_mm <= self.asked * largest_mm
         };
         before.iter().find(within).map(|level| level.choice)
     }

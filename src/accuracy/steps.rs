@@ -14,8 +14,9 @@ const UNFUSED: f64 = 1.2;
 /// Steps are chosen this much shorter than the law asks for.
 const ROOM: f64 = 0.8;
 
-/// Shorter steps are trusted to make the error smaller by no more than this.
-const MOST_GAINED: f64 = 4.0;
+/// The power of the step that shorter steps are trusted to make the error smaller with: rounding, divided steps and loads that grow do
+/// not fall with a higher one.
+const MOST_ORDER: f64 = 2.0;
 
 /// The known error of an integrator.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,9 +45,9 @@ pub(super) fn error_mm(run: &Trial, other: &Trial) -> Option<f64> {
         return None;
     }
     let apart = run.distance(other)?.rms_mm;
-    let ratio = (run.dt / other.dt).powf(order(run.choice.method));
-    // Rounding and divided steps do not fall with a high power.
-    let ratio = ratio.max(1.0 / MOST_GAINED);
+    let shorter = run.dt / other.dt;
+    let order = order(run.choice.method);
+    let ratio = shorter.powf(if shorter < 1.0 { order.min(MOST_ORDER) } else { order });
     ((ratio - 1.0).abs() > 0.2).then(|| apart * ratio / (ratio - 1.0).abs())
 }
 
