@@ -7,7 +7,7 @@ use super::trial::{Choice, Trial};
 use crate::deviation::pitch_law::PitchLaw;
 use crate::dynamics::StepError;
 use crate::dynamics::integrator::Method;
-use crate::dynamics::timeline::TimelineError;
+use crate::dynamics::timeline::{Timeline, TimelineError};
 use crate::run::inputs::Inputs;
 use crate::run::prepare::PrepareError;
 use crate::scene::resolved::{Model, Scene, needs_plain_step};
@@ -197,7 +197,7 @@ impl<'a> Search<'a> {
             None => self.run(here, tell)?,
         };
         self.levels.push(coarsest);
-        self.choose(next_mm, bound_mm, tell)
+        self.usable(next_mm, bound_mm, tell)
     }
 
     /// A lattice clearly coarser than the one that was tried, to compare with: it need not be good for anything else.
@@ -229,7 +229,7 @@ impl<'a> Search<'a> {
                 };
                 tell(&Told::Unusable(choice, &error.into()));
                 let bound_mm = STEPS_SHARE * self.asked * self.probes[0].largest_mm;
-                Ok(Verdict::Again(None, self.choose(finer_mm, bound_mm, tell)?))
+                Ok(Verdict::Again(None, self.usable(finer_mm, bound_mm, tell)?))
             }
         }
     }
@@ -289,7 +289,7 @@ impl<'a> Search<'a> {
             next_mm = own_mm;
             self.last = Some(why);
         }
-        let choice = self.choose(next_mm, STEPS_SHARE * bound_mm, tell)?;
+        let choice = self.usable(next_mm, STEPS_SHARE * bound_mm, tell)?;
         Ok(Verdict::Again(Some(estimate), choice))
     }
 
@@ -397,6 +397,32 @@ impl<'a> Search<'a> {
         let trial = Trial::run(choice, self.scene, self.inputs, &mut |share| tell(&Told::At(share)))?;
         tell(&Told::Ended(&trial));
         Ok(trial)
+    }
+
+    /// What [`Search::choose`] says for a pitch, or for the next finer one on which the scene can be run: on a coarse lattice an organ may be
+    /// lost, or a region select no particle.
+    ///
+    /// # Errors
+    /// If the scene cannot be run on the finest either.
+    fn usable(
+        &mut self,
+        mut pitch_mm: f64,
+        bound_mm: f64,
+        tell: &mut dyn FnMut(&Told<'_>),
+    ) -> Result<Choice, AccuracyError> {
+        loop {
+            let choice = self.choose(pitch_mm, bound_mm, tell)?;
+            let Err(error) = self.can_run(&choice) else { return Ok(choice) };
+            let Some(finer_mm) = self.pitches.below(pitch_mm, pitch_mm) else { return Err(error) };
+            tell(&Told::Unusable(&choice, &error));
+            pitch_mm = finer_mm;
+        }
+    }
+
+    fn can_run(&self, choice: &Choice) -> Result<(), AccuracyError> {
+        let (scene, prepared) = choice.prepare(self.scene, self.inputs)?;
+        Timeline::with_tools(&scene.operations, &prepared.lattice, &self.inputs.tools)?;
+        Ok(())
     }
 
     /// The cheapest integrator and step whose error at a pitch is within a bound. Better integrators are tried while they might

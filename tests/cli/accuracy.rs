@@ -66,3 +66,18 @@ fn a_pitch_that_is_named_is_left_alone() {
     let run = folder.yawara(&["run", "cube.toml", "-o", "out"]).done();
     run.says(&["the pitch of 10.000 mm is the scene's", "the pitch not counted", "0.010 % kept"]);
 }
+
+/// A particle at (10, 10, 30) mm is there at pitches of 20 and 10 mm, not at those between.
+#[test]
+fn a_pitch_at_which_a_region_is_empty_is_passed_over() {
+    let folder = Folder::new();
+    let spot = "[[push]]\nname = \"spot\"\nregion = { box = { min = [9, 9, 29], max = [11, 11, 31] } }\nforce = [0, 0, 1e-3]\n";
+    folder.write("cube.toml", format!("{PRESSED}{spot}"));
+    let run = folder.yawara(&["run", "cube.toml", "-o", "out"]).done();
+    run.says(&[
+        "tried pitch 20.000 mm",
+        "pitch 15.000 mm, symplectic_euler will not do: `spot`",
+        "chosen: pitch 10.000 mm",
+        "kept",
+    ]);
+}
