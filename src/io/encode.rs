@@ -1,4 +1,4 @@
-//! Many like records to bytes: chunks are encoded side by side and written in order.
+//! Many like records to bytes: chunks are encoded side by side, and written in order while the next ones are encoded.
 
 use std::io::{self, Write};
 use std::ops::Range;
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// Records that one task encodes; fixed, so that the work is divided the same way at any number of threads.
 const CHUNK: usize = 16_384;
-/// Chunks in memory at once. With 50 to 100 bytes per record that is some 10 MB, whatever the mesh.
+/// Chunks that are encoded while as many before them are written. With 50 to 100 bytes per record that is some 20 MB, whatever the mesh.
 const BATCH: usize = 8;
 
 /// Writes records `0..count`: `encode` appends the bytes of a range of them.
@@ -17,20 +17,26 @@ const BATCH: usize = 8;
 /// # Errors
 /// Those of `out`.
 pub(super) fn write_records(
-    out: &mut impl Write,
+    out: &mut (impl Write + Send),
     count: usize,
     encode: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
 ) -> io::Result<()> {
-    let mut buffers: Vec<Vec<u8>> = vec![Vec::new(); BATCH.min(count.div_ceil(CHUNK))];
+    let buffers = || vec![Vec::<u8>::new(); BATCH.min(count.div_ceil(CHUNK))];
+    let (mut ready, mut next) = (buffers(), buffers());
+    let mut write = |ready: &[Vec<u8>]| ready.iter().try_for_each(|bytes| out.write_all(bytes));
     for first in (0..count).step_by(BATCH * CHUNK) {
-        buffers.par_iter_mut().enumerate().for_each(|(chunk, bytes)| {
-            let start = (first + chunk * CHUNK).min(count);
-            bytes.clear();
-            encode(start..(start + CHUNK).min(count), bytes);
-        });
-        buffers.iter().try_for_each(|bytes| out.write_all(bytes))?;
+        let encode_next = || {
+            next.par_iter_mut().enumerate().for_each(|(chunk, bytes)| {
+                let start = (first + chunk * CHUNK).min(count);
+                bytes.clear();
+                encode(start..(start + CHUNK).min(count), bytes);
+            });
+        };
+        let (written, ()) = rayon::join(|| write(&ready), encode_next);
+        written?;
+        std::mem::swap(&mut ready, &mut next);
     }
-    Ok(())
+    write(&ready)
 }
 
 /// Appends numbers, least significant byte first.
@@ -69,6 +75,32 @@ mod tests {
             write_records(&mut found, count, encode).unwrap();
             encode(0..count, &mut expected);
             assert!(found == expected, "{count} records");
+        }
+    }
+
+    /// Takes so many bytes, then is full.
+    struct Full(usize);
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let left = self.0.checked_sub(bytes.len()).ok_or(io::ErrorKind::StorageFull)?;
+            self.0 = left;
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_told_wherever_it_fills_up() {
+        let count = 2 * BATCH * CHUNK + 7;
+        let encode = |range: Range<usize>, bytes: &mut Vec<u8>| range.for_each(|n| push_f32(bytes, [n as f32]));
+        write_records(&mut Full(4 * count), count, encode).unwrap();
+        for room in [0, 4 * CHUNK, 4 * BATCH * CHUNK, 4 * count - 1] {
+            let found = write_records(&mut Full(room), count, encode).unwrap_err().kind();
+            assert_eq!(found, io::ErrorKind::StorageFull, "{room} bytes");
         }
     }
 }

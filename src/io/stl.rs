@@ -51,7 +51,7 @@ pub fn write_stl(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError
 }
 
 /// Facets as binary records: normal, three corners, and an attribute count that nobody uses.
-fn write_facets(out: &mut impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+fn write_facets(out: &mut (impl Write + Send), mesh: &TriangleMesh) -> io::Result<()> {
     write_records(out, mesh.triangles.len(), |range, bytes| {
         for corners in &mesh.triangles[range] {
             let corners = corners.map(|corner| mesh.positions[corner as usize]);

@@ -44,7 +44,7 @@ pub fn write_obj(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError
 
 /// - `first`, `first_normal`: numbers in the file, from 1, of the mesh's first vertex and normal.
 fn write_mesh(
-    out: &mut impl Write,
+    out: &mut (impl Write + Send),
     mesh: &TriangleMesh,
     colored: bool,
     first: u64,

@@ -133,7 +133,7 @@ fn header(organs: &[OrganMesh], vertices: usize, attributes: &[&Attribute]) -> S
     lines.join("\n")
 }
 
-fn write_vertices(out: &mut impl Write, mesh: &TriangleMesh, attributes: &[&Attribute]) -> io::Result<()> {
+fn write_vertices(out: &mut (impl Write + Send), mesh: &TriangleMesh, attributes: &[&Attribute]) -> io::Result<()> {
     write_records(out, mesh.positions.len(), |range, bytes| {
         for vertex in range {
             push_f32(bytes, mesh.positions[vertex]);
@@ -143,7 +143,7 @@ fn write_vertices(out: &mut impl Write, mesh: &TriangleMesh, attributes: &[&Attr
 }
 
 /// - `first`: number of the mesh's first vertex in the file.
-fn write_faces(out: &mut impl Write, mesh: &TriangleMesh, first: u32) -> io::Result<()> {
+fn write_faces(out: &mut (impl Write + Send), mesh: &TriangleMesh, first: u32) -> io::Result<()> {
     write_records(out, mesh.triangles.len(), |range, bytes| {
         for corners in &mesh.triangles[range] {
             // Checked before the file was opened: the last vertex fits an int.
