@@ -93,7 +93,7 @@ fn write_page(text: &mut String, page: &Page<'_>, findings: &Findings, plan: &Pl
          shortest of its repeats, of stepping alone (reading, assembling and writing are the same whatever the step). Runs are \
          compared at {} evenly spaced instants; the worst counts. Particles of the fringe around the tissue and of bone are left out.\n\n\
          *Relative error* is a distance over the largest displacement of any particle at any instant, here {} mm; *rms* is the root \
-         of the mean square over the particles, *max* the particle that is off most, *99 %* what 99 of 100 particles keep to.\n\n\
+         of the mean square over the tissue, *max* the particle that is off most, *99 %* what 99 of 100 particles keep to.\n\n\
          Steps count from the largest stable one of each integrator itself; {} of the plain one stand for the longest step of \
          `backward_euler`, which is stable at any. `bogacki_shampine` divides its steps by their error: its finenesses ask for a \
          tolerance of {TOLERANCE:e} pitches over their cube, and the step told is the mean one.\n",

@@ -23,7 +23,7 @@ const SHORTER: f64 = 8.0;
 /// A reference on a finer lattice has so much smaller a pitch,
 const FINER: [f64; 2] = [3.0, 2.0];
 /// the first that makes it no larger than this.
-const MOST_PARTICLES: f64 = 3e4;
+const MOST_PARTICLES: f64 = 2e4;
 
 /// Edge of the voxels of all scenes, and so the pitch that a study starts from.
 const VOXEL_MM: f64 = 10.0;
