@@ -130,7 +130,7 @@ fn row(case: &Case, found: &Found, error: f64) -> String {
     )
 }
 
-/// Of scenes that were not seen while the search was made, 19 in 20 keep their bound, and none is off by more than twice that.
+/// Of scenes, 19 in 20 keep their bound, and none is off by more than twice that.
 fn keeps_its_promise(cases: &[Case]) {
     let (mut promised, mut broken) = (0, 0);
     for case in cases {

@@ -163,7 +163,7 @@ fn a_body_opened_cut_by_cut_is_the_body_opened_at_once() {
 /// `YAWARA_TRIALS` sets how many bodies are cut.
 #[test]
 fn random_blades_leave_closed_manifolds() {
-    let trials: u64 = std::env::var("YAWARA_TRIALS").map_or(400, |n| n.parse().expect("a number of bodies"));
+    let trials: u64 = std::env::var("YAWARA_TRIALS").map_or(200, |n| n.parse().expect("a number of bodies"));
     let (parts, triangles): (Vec<usize>, Vec<usize>) = (0..trials)
         .into_par_iter()
         .map(|trial| {
