@@ -16,7 +16,7 @@ use super::surface_distance::SurfaceDistance;
 pub const FILE: &str = "results.jsonl";
 
 /// Changes with what the lines mean; a study of another is not gone on with.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// What a study is about.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
