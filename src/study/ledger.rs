@@ -372,7 +372,10 @@ mod tests {
             "{\"subject\":{\"version\":\"1\",\"scene_sha256\":\"ab\",\"instants\":4}}\n{\"probe\":{\"steps\":1}}\n";
         std::fs::write(&path, before).unwrap();
         let message = Ledger::open(folder.path(), &subject).unwrap_err().to_string();
-        assert!(["other lines", "0 then, 2 now", "--overwrite"].iter().all(|part| message.contains(part)), "{message}");
+        assert!(
+            ["other lines", &format!("0 then, {FORMAT} now"), "--overwrite"].iter().all(|part| message.contains(part)),
+            "{message}"
+        );
         std::fs::write(&path, "no study\n").unwrap();
         let message = Ledger::open(folder.path(), &changed).unwrap_err().to_string();
         assert!(message.contains("line 1") && message.contains("--overwrite"), "{message}");
