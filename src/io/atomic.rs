@@ -1,10 +1,12 @@
 //! Files that appear whole or not at all.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, IntoInnerError, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
+
+use super::syncing_file::SyncingFile;
 
 /// Writes a file through `write`, under a temporary name in the same folder, then renames it into place.
 ///
@@ -15,14 +17,12 @@ use tempfile::NamedTempFile;
 /// Whatever `write` returns, or the operating system's error while creating, flushing, syncing or renaming.
 pub fn write_file<E: From<io::Error>>(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
+    write: impl FnOnce(&mut BufWriter<SyncingFile>) -> Result<(), E>,
 ) -> Result<(), E> {
     let (file, temporary) = beside(path)?.into_parts();
-    let mut writer = BufWriter::with_capacity(1 << 20, file);
+    let mut writer = BufWriter::with_capacity(1 << 20, SyncingFile::new(file));
     write(&mut writer)?;
-    writer.flush()?;
-    writer.get_ref().sync_all()?;
-    drop(writer);
+    writer.into_inner().map_err(IntoInnerError::into_error)?.finish()?;
     temporary.persist(path).map_err(|error| error.error)?;
     Ok(())
 }

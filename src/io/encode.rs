@@ -17,9 +17,9 @@ const BATCH: usize = 8;
 /// # Errors
 /// Those of `out`.
 pub(super) fn write_records(
-    out: &mut (impl Write + Send),
+    out: &mut (dyn Write + Send),
     count: usize,
-    encode: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
+    encode: &(dyn Fn(Range<usize>, &mut Vec<u8>) + Sync),
 ) -> io::Result<()> {
     let buffers = || vec![Vec::<u8>::new(); BATCH.min(count.div_ceil(CHUNK))];
     let (mut ready, mut next) = (buffers(), buffers());
@@ -58,11 +58,6 @@ pub(super) fn push_integer(text: &mut Vec<u8>, value: u64) {
     text.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
 }
 
-/// Appends text, as `write!` forms it.
-pub(super) fn push_text(bytes: &mut Vec<u8>, text: std::fmt::Arguments) {
-    bytes.write_fmt(text).expect("memory takes every byte");
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,7 +67,7 @@ mod tests {
         for count in [0, 1, CHUNK, CHUNK + 1, 2 * BATCH * CHUNK + 7] {
             let encode = |range: Range<usize>, bytes: &mut Vec<u8>| range.for_each(|n| push_f32(bytes, [n as f32]));
             let (mut found, mut expected) = (Vec::new(), Vec::new());
-            write_records(&mut found, count, encode).unwrap();
+            write_records(&mut found, count, &encode).unwrap();
             encode(0..count, &mut expected);
             assert!(found == expected, "{count} records");
         }
@@ -97,9 +92,9 @@ mod tests {
     fn a_full_disk_is_told_wherever_it_fills_up() {
         let count = 2 * BATCH * CHUNK + 7;
         let encode = |range: Range<usize>, bytes: &mut Vec<u8>| range.for_each(|n| push_f32(bytes, [n as f32]));
-        write_records(&mut Full(4 * count), count, encode).unwrap();
+        write_records(&mut Full(4 * count), count, &encode).unwrap();
         for room in [0, 4 * CHUNK, 4 * BATCH * CHUNK, 4 * count - 1] {
-            let found = write_records(&mut Full(room), count, encode).unwrap_err().kind();
+            let found = write_records(&mut Full(room), count, &encode).unwrap_err().kind();
             assert_eq!(found, io::ErrorKind::StorageFull, "{room} bytes");
         }
     }

@@ -12,4 +12,5 @@ pub mod obj;
 pub mod ply;
 pub mod png;
 pub mod stl;
+pub mod syncing_file;
 pub mod vtk;

@@ -11,7 +11,7 @@ use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 use super::atomic;
-use super::encode::{push_f32, push_text, write_records};
+use super::encode::{push_f32, push_numbers, write_records};
 use super::mesh_error::{ReadMeshError, WriteMeshError, check_organs};
 use crate::surface::mesh::{OrganMesh, TriangleMesh};
 
@@ -52,7 +52,7 @@ pub fn write_stl(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMeshError
 
 /// Facets as binary records: normal, three corners, and an attribute count that nobody uses.
 fn write_facets(out: &mut (impl Write + Send), mesh: &TriangleMesh) -> io::Result<()> {
-    write_records(out, mesh.triangles.len(), |range, bytes| {
+    write_records(out, mesh.triangles.len(), &|range, bytes| {
         for corners in &mesh.triangles[range] {
             let corners = corners.map(|corner| mesh.positions[corner as usize]);
             push_f32(bytes, facet_normal(corners));
@@ -71,7 +71,7 @@ pub fn write_stl_ascii(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMes
     atomic::write_file(path, |writer| {
         writeln!(writer, "solid {SOLID}")?;
         for OrganMesh { mesh, .. } in organs {
-            write_records(writer, mesh.triangles.len(), |range, text| {
+            write_records(writer, mesh.triangles.len(), &|range, text| {
                 mesh.triangles[range].iter().for_each(|corners| push_facet_text(text, mesh, corners));
             })?;
         }
@@ -82,12 +82,14 @@ pub fn write_stl_ascii(path: &Path, organs: &[OrganMesh]) -> Result<(), WriteMes
 
 fn push_facet_text(text: &mut Vec<u8>, mesh: &TriangleMesh, corners: &[u32; 3]) {
     let corners = corners.map(|corner| mesh.positions[corner as usize]);
-    let [x, y, z] = facet_normal(corners);
-    push_text(text, format_args!("facet normal {x:e} {y:e} {z:e}\nouter loop\n"));
-    for [x, y, z] in corners {
-        push_text(text, format_args!("vertex {x:e} {y:e} {z:e}\n"));
+    text.extend_from_slice(b"facet normal");
+    push_numbers(text, facet_normal(corners));
+    text.extend_from_slice(b"\nouter loop");
+    for corner in corners {
+        text.extend_from_slice(b"\nvertex");
+        push_numbers(text, corner);
     }
-    push_text(text, format_args!("endloop\nendfacet\n"));
+    text.extend_from_slice(b"\nendloop\nendfacet\n");
 }
 
 fn facet_normal(corners: [[f32; 3]; 3]) -> [f32; 3] {

@@ -1,6 +1,5 @@
 //! How a document lies in files: one GLB, or JSON (`.gltf`) with its buffer beside it (`.bin`).
 
-use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
@@ -8,6 +7,7 @@ use tempfile::SpooledTempFile;
 
 use super::{CHUNK_BIN, CHUNK_JSON, MAGIC, VERSION};
 use crate::io::atomic;
+use crate::io::syncing_file::SyncingFile;
 
 /// See the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +41,7 @@ impl Container {
         let total = 12 + 8 + json_length as u64 + 8 + bin_length;
         let word = |length: u64| u32::try_from(length).map_err(|_| io::Error::other("a GLB of more than 4 GiB"));
         let (total, json_word, bin_word) = (word(total)?, word(json_length as u64)?, word(bin_length)?);
-        atomic::write_file(path, |out: &mut BufWriter<File>| {
+        atomic::write_file(path, |out: &mut BufWriter<SyncingFile>| {
             for word in [MAGIC, VERSION, total, json_word, CHUNK_JSON] {
                 out.write_all(&word.to_le_bytes())?;
             }

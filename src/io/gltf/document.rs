@@ -266,7 +266,7 @@ impl DocumentWriter {
         self.spool.write_all(&[0; 4][..padding as usize])?;
         let start = self.bytes + padding;
         let mut counted = Counted { out: &mut self.spool, bytes: 0 };
-        write_records(&mut counted, count, encode)?;
+        write_records(&mut counted, count, &encode)?;
         let length = counted.bytes;
         self.bytes = start + length;
         Ok(self.root.push(buffer::View {

@@ -51,7 +51,7 @@ fn write_mesh(
     first_normal: u64,
 ) -> io::Result<()> {
     let shades: Vec<String> = (0..=u8::MAX).map(|byte| format!(" {:.4}", f32::from(byte) / 255.0)).collect();
-    write_records(out, mesh.positions.len(), |range, text| {
+    write_records(out, mesh.positions.len(), &|range, text| {
         for vertex in range {
             text.push(b'v');
             push_numbers(text, mesh.positions[vertex]);
@@ -63,7 +63,7 @@ fn write_mesh(
             text.push(b'\n');
         }
     })?;
-    write_records(out, mesh.normals.len(), |range, text| {
+    write_records(out, mesh.normals.len(), &|range, text| {
         for &normal in &mesh.normals[range] {
             text.extend_from_slice(b"vn");
             push_numbers(text, normal);
@@ -71,7 +71,7 @@ fn write_mesh(
         }
     })?;
     let bare = mesh.normals.is_empty();
-    write_records(out, mesh.triangles.len(), |range, text| {
+    write_records(out, mesh.triangles.len(), &|range, text| {
         for corners in &mesh.triangles[range] {
             text.push(b'f');
             for corner in corners.map(u64::from) {

@@ -134,7 +134,7 @@ fn header(organs: &[OrganMesh], vertices: usize, attributes: &[&Attribute]) -> S
 }
 
 fn write_vertices(out: &mut (impl Write + Send), mesh: &TriangleMesh, attributes: &[&Attribute]) -> io::Result<()> {
-    write_records(out, mesh.positions.len(), |range, bytes| {
+    write_records(out, mesh.positions.len(), &|range, bytes| {
         for vertex in range {
             push_f32(bytes, mesh.positions[vertex]);
             attributes.iter().for_each(|attribute| (attribute.push)(mesh, vertex, bytes));
@@ -144,7 +144,7 @@ fn write_vertices(out: &mut (impl Write + Send), mesh: &TriangleMesh, attributes
 
 /// - `first`: number of the mesh's first vertex in the file.
 fn write_faces(out: &mut (impl Write + Send), mesh: &TriangleMesh, first: u32) -> io::Result<()> {
-    write_records(out, mesh.triangles.len(), |range, bytes| {
+    write_records(out, mesh.triangles.len(), &|range, bytes| {
         for corners in &mesh.triangles[range] {
             // Checked before the file was opened: the last vertex fits an int.
             bytes.push(3);

@@ -1,6 +1,5 @@
 //! A VTK XML file under construction: arrays are declared first, with what writes them, and then written once.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -8,6 +7,7 @@ use std::path::Path;
 use super::escape;
 use crate::io::atomic;
 use crate::io::encode::{push_f32, write_records};
+use crate::io::syncing_file::SyncingFile;
 
 /// Where an array belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub(super) enum Section {
     Cells,
 }
 
-type Out = BufWriter<File>;
+type Out = BufWriter<SyncingFile>;
 type Encoder<'a> = Box<dyn Fn(&mut Out) -> io::Result<()> + 'a>;
 
 /// One array, and what writes its bytes.
