@@ -14,7 +14,7 @@ const UNFUSED: f64 = 1.2;
 /// Steps are chosen this much shorter than the law asks for.
 const ROOM: f64 = 0.8;
 
-/// The power of the step that shorter steps are trusted to make the error smaller with: rounding, divided steps and loads that grow do
+/// The power of the step that shorter steps are trusted to make the error smaller with: rounding, divided steps and ramps that end within a step do
 /// not fall with a higher one.
 const MOST_ORDER: f64 = 2.0;
 

@@ -1,6 +1,7 @@
 //! What moves or holds particles from outside: holds, grabs, forces and pressures.
 
 use std::collections::hash_map::Entry;
+use std::ops::{Add, Mul, Sub};
 
 use super::effects::pressure::{PressedFaces, Pushed};
 use super::world::World;
@@ -19,13 +20,27 @@ pub(super) enum Drive {
     /// Particles that follow an offset from where they were grabbed.
     Grab { slots: Vec<u32>, start: Vec<[f32; 3]>, offset: Vector3 },
     /// Particles that share a force in proportion to their mass.
-    Force { slots: Vec<u32>, force: Vector3, mass: f64 },
+    Force { slots: Vec<u32>, force: Ramp<Vector3>, mass: f64 },
     /// Faces that are pressed.
     Pressure(Box<PressedFaces>),
     /// Something that particles may not enter.
     Obstacle { number: usize },
     /// Released; the number is not used again.
     Released,
+}
+
+/// A load over a step: it goes evenly from what it is at the start to what it is at the end.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Ramp<T> {
+    pub(super) start: T,
+    pub(super) end: T,
+}
+
+impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>> Ramp<T> {
+    /// What it is at a share of the step, 0 to 1.
+    pub(super) fn at(&self, share: f64) -> T {
+        self.start + (self.end - self.start) * share
+    }
 }
 
 /// How many holds and grabs act on each slot.
@@ -86,7 +101,7 @@ impl World {
     pub fn push(&mut self, particles: &[u32]) -> Handle {
         let mass = particles.iter().map(|&particle| f64::from(self.mass()[particle as usize])).sum();
         let slots = self.slots_of(particles);
-        self.add(Drive::Force { slots, force: Vector3::zeros(), mass })
+        self.add(Drive::Force { slots, force: Ramp::default(), mass })
     }
 
     /// Sets the sum of a force over its particles, RAS+ [N].
@@ -94,9 +109,18 @@ impl World {
     /// # Panics
     /// If the handle is not a force's.
     pub fn set_force(&mut self, handle: Handle, force: Vector3) {
-        let local = self.to_lattice_axes(force);
+        self.set_force_over_step(handle, [force; 2]);
+    }
+
+    /// The same for a force that goes evenly from one to the other in the course of a step, which is to be told before every
+    /// step while it does. The plain step feels the first throughout, implicit methods the last.
+    ///
+    /// # Panics
+    /// If the handle is not a force's.
+    pub fn set_force_over_step(&mut self, handle: Handle, force: [Vector3; 2]) {
+        let [start, end] = force.map(|force| self.to_lattice_axes(force));
         match &mut self.drives[handle.0] {
-            Drive::Force { force, .. } => *force = local,
+            Drive::Force { force, .. } => *force = Ramp { start, end },
             other => panic!("{handle:?} is {other:?}, not a force"),
         }
     }
@@ -190,7 +214,7 @@ impl World {
                 }
                 Drive::Force { slots, force, mass } => {
                     // Shared by mass, so every particle is accelerated alike.
-                    let kick = *force * (dt / mass.max(f64::MIN_POSITIVE));
+                    let kick = force.start * (dt / mass.max(f64::MIN_POSITIVE));
                     for &slot in slots.iter() {
                         if let Some(rigid) = rigid
                             && let Some(body) = rigid.of_slot(slot)

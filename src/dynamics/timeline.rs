@@ -284,7 +284,6 @@ impl Entry {
         // Times are multiples of dt only up to rounding.
         let due = |time: f64| now >= time - 1e-6 * dt;
         let (from, until) = (self.operation.from, self.operation.until);
-        let acts = now + world.integrator().method.load_time() * dt;
         let name = &self.operation.name;
         let mut report = |what| events.push(Event { time: now, operation: name.clone(), what });
 
@@ -325,10 +324,12 @@ impl Entry {
                 self.state = State::Done;
             }
             (State::Acting(handle), Action::Force { force, ramp, .. }) => {
-                world.set_force(*handle, force * ramped(acts - from, *ramp));
+                let over_step = [now, now + dt].map(|time| force * ramped(time - from, *ramp));
+                world.set_force_over_step(*handle, over_step);
             }
             (State::Acting(handle), Action::Pressure { pressure, ramp, .. }) => {
-                world.set_pressure(*handle, pressure * ramped(acts - from, *ramp));
+                let over_step = [now, now + dt].map(|time| pressure * ramped(time - from, *ramp));
+                world.set_pressure_over_step(*handle, over_step);
             }
             (State::Acting(handle), Action::Grab { path, arrive, .. }) => {
                 world.move_grab(*handle, along(path, (now + dt - from) / (arrive - from)));

@@ -32,7 +32,7 @@ fn price_of_an_evaluation_in_f64() {
         let slots = lattice.mass().len();
         let zeros = || [0, 1, 2].map(|_| vec![0.0; slots]);
         let (u, v, mut a) = (zeros(), zeros(), zeros());
-        let one = milliseconds(|| lattice.accelerations(&u, &v, &mut a));
+        let one = milliseconds(|| lattice.accelerations(0.0, &u, &v, &mut a));
         let plain = milliseconds(|| world.step().unwrap());
         println!("{} particles, {name}: {one:.2} ms in f64; a plain step in f32 {plain:.2} ms", world.lattice().len());
     }

@@ -26,7 +26,7 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use crate::dynamics::World;
-use crate::dynamics::drive::{Drive, Handle};
+use crate::dynamics::drive::{Drive, Handle, Ramp};
 use crate::dynamics::rigid::Bodies;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::build::NO_ORGAN;
@@ -154,7 +154,7 @@ fn unit_forces(place: [Vector3; 4]) -> [Vector3; 4] {
 pub(in crate::dynamics) struct PressedFaces {
     faces: Vec<Face>,
     /// [Pa]
-    pub(in crate::dynamics) pressure: f64,
+    pub(in crate::dynamics) pressure: Ramp<f64>,
     /// Severed springs that have been looked at.
     severed: usize,
     /// Particles at the corners, ascending.
@@ -186,7 +186,7 @@ impl PressedFaces {
     fn new(faces: &[Face]) -> Self {
         let mut pressed = Self {
             faces: faces.to_vec(),
-            pressure: 0.0,
+            pressure: Ramp::default(),
             severed: 0,
             particles: Vec::new(),
             around: Vec::new(),
@@ -223,7 +223,7 @@ impl PressedFaces {
             let slot = slot(particle);
             Vector3::from([0, 1, 2].map(|axis| f64::from(displacement[axis][slot])))
         };
-        let pressure = self.pressure;
+        let pressure = self.pressure.start;
         self.each(lattice, topology, place, |particle, sum| {
             let (impulse, slot) = (sum * (pressure * dt), slot(particle));
             if let Some(rigid) = &mut rigid
@@ -260,7 +260,7 @@ impl PressedFaces {
                 self.index();
             }
         }
-        if self.pressure == 0.0 {
+        if self.pressure == Ramp::default() {
             return;
         }
         self.unit.par_iter_mut().zip(&self.faces).with_min_len(CHUNK).for_each(|(unit, face)| {
@@ -300,8 +300,17 @@ impl World {
     /// # Panics
     /// If the handle is not a pressure's.
     pub fn set_pressure(&mut self, handle: Handle, pressure: f64) {
+        self.set_pressure_over_step(handle, [pressure; 2]);
+    }
+
+    /// The same for a pressure that goes evenly from one to the other in the course of a step, which is to be told before every
+    /// step while it does. The plain step feels the first throughout, implicit methods the last.
+    ///
+    /// # Panics
+    /// If the handle is not a pressure's.
+    pub fn set_pressure_over_step(&mut self, handle: Handle, [start, end]: [f64; 2]) {
         match &mut self.drives[handle.0] {
-            Drive::Pressure(faces) => faces.pressure = pressure,
+            Drive::Pressure(faces) => faces.pressure = Ramp { start, end },
             other => panic!("{handle:?} is {other:?}, not a pressure"),
         }
     }

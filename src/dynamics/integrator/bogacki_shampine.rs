@@ -62,7 +62,7 @@ impl<R: Real> BogackiShampine<R> {
         for buffer in [&mut *a1, a2, a3, a4, u, v] {
             fit(buffer, displacement[0].len());
         }
-        mechanics.accelerations(displacement, velocity, a1);
+        mechanics.accelerations(0.0, displacement, velocity, a1);
         effort.evaluations += 1;
         let (mut left, mut parts) = (dt, 0);
         if *next <= 0.0 {
@@ -72,15 +72,16 @@ impl<R: Real> BogackiShampine<R> {
             // No sliver at the end.
             let h = if *next >= left { left } else { next.min(0.5 * left) };
             let kick = h / mechanics.unit();
+            let share = |part: f64| 1.0 - (left - part * h) / dt;
             combine(u, displacement, [(0.5 * h, velocity)]);
             combine(v, velocity, [(0.5 * kick, a1)]);
-            mechanics.accelerations(u, v, a2);
+            mechanics.accelerations(share(0.5), u, v, a2);
             combine(u, displacement, [(0.75 * h, velocity), (0.375 * h * kick, a1)]);
             combine(v, velocity, [(0.75 * kick, a2)]);
-            mechanics.accelerations(u, v, a3);
+            mechanics.accelerations(share(0.75), u, v, a3);
             combine(u, displacement, [(h, velocity), (h * kick / 6.0, a1), (h * kick / 3.0, a2)]);
             combine(v, velocity, [(kick * 2.0 / 9.0, a1), (kick / 3.0, a2), (kick * 4.0 / 9.0, a3)]);
-            mechanics.accelerations(u, v, a4);
+            mechanics.accelerations(share(1.0), u, v, a4);
             effort.evaluations += 3;
             let of_place = {
                 let scale = h * kick;

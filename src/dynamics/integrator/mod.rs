@@ -21,8 +21,9 @@
 //!   as by the step's own polygon.
 //! - Dampers act on the rate of change of length, `c n.(v_j - v_i)`; the plain step and [`backward_euler`] take the difference of
 //!   two lengths, which agrees with it to the first order in `dt`. A rigid turn feels neither.
-//! - Forces and pressures that a scene changes over time are constant within a step: taken at its middle by the explicit
-//!   methods, so that all of them have order 2 while a load is ramped, and at its end by the implicit ones.
+//! - Forces and pressures that a scene changes over time change evenly within a step, and each method takes them when it asks for the
+//!   forces: the plain step at its start, the explicit ones at each of their stages, so that they keep their order while a load is
+//!   ramped (a ramp that ends within a step costs that step all orders above 2), the implicit ones at its end.
 //! - Rigid bodies that move, and contact, act on the velocities between the halves of the plain step, and springs relax, yield and
 //!   tear after it: only that step has them. Scenes with both such and another integrator are refused.
 
@@ -123,15 +124,6 @@ impl Method {
         matches!(self, Self::BackwardEuler | Self::QuasiStatic)
     }
 
-    /// When in a step of length 1 the forces act that a scene changes over time.
-    pub(super) fn load_time(self) -> f64 {
-        match self {
-            Self::SymplecticEuler => 0.0,
-            Self::Verlet | Self::Rk4 | Self::BogackiShampine => 0.5,
-            Self::BackwardEuler | Self::QuasiStatic => 1.0,
-        }
-    }
-
     /// True when it takes a tolerance.
     pub fn has_tolerance(self) -> bool {
         matches!(self, Self::BogackiShampine | Self::BackwardEuler | Self::QuasiStatic)
@@ -176,9 +168,11 @@ pub trait Mechanics {
 
     /// Accelerations of the free particles, 0 for all others, times [`Mechanics::unit`]; lattice axes, overwritten.
     ///
+    /// - `share`: of the step of the world, 0 at its start and 1 at its end, for what changes over time;
     /// - `displacement` [m], `velocity` [m/s]: one value per slot and axis; velocities count only when [`Mechanics::damped`].
     fn accelerations(
         &mut self,
+        share: f64,
         displacement: &Field<Self::Real>,
         velocity: &Field<Self::Real>,
         out: &mut Field<Self::Real>,
@@ -199,7 +193,7 @@ fn symplectic_euler<M: Mechanics>(
     dt: f64,
 ) {
     let mut kick = field::zeros(displacement[0].len());
-    mechanics.accelerations(displacement, velocity, &mut kick);
+    mechanics.accelerations(0.0, displacement, velocity, &mut kick);
     field::add(velocity, [(dt / mechanics.unit(), &kick)]);
     field::add(displacement, [(dt, &*velocity)]);
 }

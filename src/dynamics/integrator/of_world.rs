@@ -150,15 +150,21 @@ impl World {
         }
     }
 
-    /// Forces and pressures from outside at some places: calls back with slot and force [N]. True when they follow the places.
-    fn each_load(&mut self, place: impl Fn(usize) -> Vector3 + Sync, mut push: impl FnMut(usize, Vector3)) -> bool {
+    /// Forces and pressures from outside at a share of the step and some places: calls back with slot and force [N]. True when they
+    /// follow the places.
+    fn each_load(
+        &mut self,
+        share: f64,
+        place: impl Fn(usize) -> Vector3 + Sync,
+        mut push: impl FnMut(usize, Vector3),
+    ) -> bool {
         let mut follows = false;
         let Self { drives, lattice, topology, layout, assembly, .. } = self;
         for drive in drives {
             match drive {
                 Drive::Hold { .. } | Drive::Grab { .. } | Drive::Obstacle { .. } | Drive::Released => {}
                 Drive::Pressure(faces) => {
-                    let pressure = faces.pressure;
+                    let pressure = faces.pressure.at(share);
                     follows |= pressure != 0.0;
                     let slot = |particle: u32| layout.slot[particle as usize] as usize;
                     faces.each(
@@ -171,7 +177,7 @@ impl World {
                     );
                 }
                 Drive::Force { slots, force, mass } => {
-                    let acceleration = *force / mass.max(f64::MIN_POSITIVE);
+                    let acceleration = force.at(share) / mass.max(f64::MIN_POSITIVE);
                     for &slot in slots.iter() {
                         let particle = layout.particle_of_slot(lattice, slot as usize).expect("driven particles");
                         push(slot as usize, acceleration * f64::from(assembly.mass[particle as usize]));
@@ -186,11 +192,11 @@ impl World {
 impl Mechanics for World {
     type Real = f32;
 
-    fn accelerations(&mut self, displacement: &Field<f32>, velocity: &Field<f32>, out: &mut Field<f32>) {
+    fn accelerations(&mut self, share: f64, displacement: &Field<f32>, velocity: &Field<f32>, out: &mut Field<f32>) {
         self.kick_at(displacement, velocity, out);
         let place = |slot: usize| Vector3::from([0, 1, 2].map(|axis| f64::from(displacement[axis][slot])));
         let weights = std::mem::take(&mut self.dt_over_mass);
-        self.each_load(place, |slot, force| {
+        self.each_load(share, place, |slot, force| {
             let kick = force * f64::from(weights[slot]);
             for axis in 0..3 {
                 out[axis][slot] += kick[axis] as f32;
@@ -347,14 +353,14 @@ impl Integration {
         });
         match method {
             Method::BackwardEuler => {
-                load(world, lattice, displacement);
+                load(world, 1.0, lattice, displacement);
                 let done = backward.advance(lattice, displacement, velocity, dt, tolerance);
                 done.map_err(|unsettled| self.unsettled(world, &unsettled))
             }
             Method::QuasiStatic => {
                 let before = displacement.clone();
                 let done = settled.advance(lattice, displacement, velocity, dt, tolerance, |lattice, places| {
-                    load(world, lattice, places)
+                    load(world, 1.0, lattice, places)
                 });
                 // How far things went, for what follows moving tissue.
                 let mut moved = before;
@@ -412,9 +418,9 @@ struct Loaded<'a> {
 impl Mechanics for Loaded<'_> {
     type Real = f64;
 
-    fn accelerations(&mut self, displacement: &Field<f64>, velocity: &Field<f64>, out: &mut Field<f64>) {
-        load(self.world, self.lattice, displacement);
-        self.lattice.accelerations(displacement, velocity, out);
+    fn accelerations(&mut self, share: f64, displacement: &Field<f64>, velocity: &Field<f64>, out: &mut Field<f64>) {
+        load(self.world, share, self.lattice, displacement);
+        self.lattice.accelerations(share, displacement, velocity, out);
     }
 
     fn unit(&self) -> f64 {
@@ -426,13 +432,13 @@ impl Mechanics for Loaded<'_> {
     }
 }
 
-/// Takes the loads of the world at some places; true when they follow the places.
-fn load(world: &mut World, lattice: &mut PreciseLattice, displacement: &Field<f64>) -> bool {
+/// Takes the loads of the world at a share of the step and some places; true when they follow the places.
+fn load(world: &mut World, share: f64, lattice: &mut PreciseLattice, displacement: &Field<f64>) -> bool {
     for axis in &mut lattice.load {
         axis.fill(0.0);
     }
     let place = |slot: usize| Vector3::from([0, 1, 2].map(|axis| displacement[axis][slot]));
-    world.each_load(place, |slot, force| {
+    world.each_load(share, place, |slot, force| {
         for axis in 0..3 {
             lattice.load[axis][slot] += force[axis];
         }

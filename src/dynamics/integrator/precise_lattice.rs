@@ -302,7 +302,7 @@ impl PreciseLattice {
 impl Mechanics for PreciseLattice {
     type Real = f64;
 
-    fn accelerations(&mut self, displacement: &Field<f64>, velocity: &Field<f64>, out: &mut Field<f64>) {
+    fn accelerations(&mut self, _share: f64, displacement: &Field<f64>, velocity: &Field<f64>, out: &mut Field<f64>) {
         self.forces(displacement, velocity, out);
         let (gravity, drag) = (self.gravity, self.drag);
         for axis in 0..3 {

@@ -38,16 +38,16 @@ impl<R: Real> Rk4<R> {
         }
         // Accelerations come times the unit.
         let kick = dt / mechanics.unit();
-        mechanics.accelerations(displacement, velocity, a1);
+        mechanics.accelerations(0.0, displacement, velocity, a1);
         combine(u, displacement, [(0.5 * dt, velocity)]);
         combine(v, velocity, [(0.5 * kick, a1)]);
-        mechanics.accelerations(u, v, a2);
+        mechanics.accelerations(0.5, u, v, a2);
         add(u, [(0.25 * dt * kick, a1)]);
         combine(v, velocity, [(0.5 * kick, a2)]);
-        mechanics.accelerations(u, v, a3);
+        mechanics.accelerations(0.5, u, v, a3);
         combine(u, displacement, [(dt, velocity), (0.5 * dt * kick, a2)]);
         combine(v, velocity, [(kick, a3)]);
-        mechanics.accelerations(u, v, a4);
+        mechanics.accelerations(1.0, u, v, a4);
         let sixth = dt * kick / 6.0;
         add(displacement, [(dt, velocity), (sixth, a1), (sixth, a2), (sixth, a3)]);
         let (sixth, third) = (kick / 6.0, kick / 3.0);

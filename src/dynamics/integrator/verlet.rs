@@ -50,10 +50,10 @@ impl<R: Real> Verlet<R> {
             fit(&mut self.middle, slots);
             let ahead = if self.unit > 0.0 { 0.5 * dt / self.unit } else { 0.0 };
             combine(&mut self.middle, velocity, [(ahead, &self.acceleration)]);
-            mechanics.accelerations(displacement, &self.middle, &mut self.acceleration);
+            mechanics.accelerations(0.5, displacement, &self.middle, &mut self.acceleration);
             self.unit = mechanics.unit();
         } else {
-            mechanics.accelerations(displacement, velocity, &mut self.acceleration);
+            mechanics.accelerations(0.5, displacement, velocity, &mut self.acceleration);
         }
         add(velocity, [(kick, &self.acceleration)]);
         add(displacement, [(0.5 * dt, velocity)]);
