@@ -155,6 +155,20 @@ impl World {
         self.claims.get(&slot).copied().unwrap_or_default()
     }
 
+    /// Where a slot will be after the next step that only holds and grabs move: displacement in lattice axes [m].
+    pub(super) fn led_to(&self, slot: u32) -> Vector3 {
+        let by_grab = |drive: &Drive| match drive {
+            Drive::Grab { slots, start, offset } => {
+                let at = slots.iter().position(|&grabbed| grabbed == slot)?;
+                Some(Vector3::from(start[at].map(f64::from)) + offset)
+            }
+            _ => None,
+        };
+        let claims = self.claims_on(slot);
+        let led = if claims.holds == 0 && claims.grabs > 0 { self.drives.iter().rev().find_map(by_grab) } else { None };
+        led.unwrap_or_else(|| [0, 1, 2].map(|axis| f64::from(self.displacement[axis][slot as usize])).into())
+    }
+
     fn drop_claim(&mut self, slot: u32, drop: impl Fn(&mut Claims)) {
         if let Entry::Occupied(mut claims) = self.claims.entry(slot) {
             drop(claims.get_mut());

@@ -8,6 +8,7 @@
 //! same world in plain f64, for judging the fast one.
 
 mod alternation;
+mod bone_pieces;
 mod divergence;
 mod drive;
 pub mod effects;

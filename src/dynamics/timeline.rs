@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::bone_pieces::{BonePiece, Grip, bone_pieces};
 use super::drive::Handle;
 use super::effects::contact::{MeshShapeError, Shape, ToolMesh};
 use super::effects::pressure::{Face, boundary_faces, lip_faces};
@@ -14,7 +15,6 @@ use crate::cut::Blade;
 use crate::geometry::{Point3, Vector3};
 use crate::lattice::Lattice;
 use crate::lattice::SeveredSpring;
-use crate::lattice::region::Region;
 use crate::scene::resolved::{Action, Operation, Pressed, ToolShape};
 
 /// The blade is tested against the springs as soon as edge and tissue together may have moved this far [pitches]. In
@@ -71,14 +71,21 @@ pub enum TimelineError {
         /// The file of the mesh.
         file: PathBuf,
     },
-    /// Bone that tissue is to be in contact with is moved.
+    /// Bone that tissue is to be in contact with is moved in part.
     #[error(
-        "`{operation}` moves rigid particles, and contact.bone takes bone to stay where it is: contact with bone that moves is not \
-         modelled; leave contact.bone out, or keep bone out of the region with not = {{ organ = ... }}"
+        "`{operation}` takes hold of {found} of the {particles} particles of a rigid organ that is moved (organ[{organ}]), and with \
+         contact.bone a rigid organ moves as a whole or stays; take hold of all of it with any = [..., {{ organ = ... }}] in its region, keep it \
+         out with not = {{ organ = ... }}, or leave contact.bone out"
     )]
-    BoneMoves {
-        /// Name of the operation that moves it.
+    BoneInPart {
+        /// Name of the operation that takes hold of a part.
         operation: String,
+        /// Index into the scene's organs.
+        organ: usize,
+        /// Particles that it takes hold of.
+        found: usize,
+        /// Particles there are.
+        particles: usize,
     },
     /// No voxel of a rigid organ is left in the lattice.
     #[error(
@@ -129,6 +136,8 @@ struct Entry {
     lips: usize,
     /// Of an obstacle.
     shape: Option<Shape>,
+    /// Of bone.
+    bone: Vec<BonePiece>,
     state: State,
 }
 
@@ -172,7 +181,7 @@ impl Timeline {
         lattice: &Lattice,
         meshes: &BTreeMap<PathBuf, ToolMesh>,
     ) -> Result<Self, TimelineError> {
-        let entries = operations
+        let mut entries = operations
             .iter()
             .map(|operation| {
                 let mut pressed = Vec::new();
@@ -202,10 +211,11 @@ impl Timeline {
                 };
                 let shape = shape_of(operation, lattice, meshes)?;
                 let operation = operation.clone();
-                Ok(Entry { operation, particles, faces: pressed, lips: 0, shape, state: State::Waiting })
+                let (lips, bone, state) = (0, Vec::new(), State::Waiting);
+                Ok(Entry { operation, particles, faces: pressed, lips, shape, bone, state })
             })
             .collect::<Result<Vec<Entry>, _>>()?;
-        bone_stays(&entries, lattice)?;
+        take_bone_to_pieces(&mut entries, lattice)?;
         let mut severed: Vec<(String, Vec<SeveredSpring>)> = Vec::new();
         for operation in operations {
             if let Action::Pressure { on: Pressed::LipsOf(cut), .. } = &operation.action {
@@ -239,6 +249,8 @@ impl Timeline {
         if !self.severed.is_empty() {
             self.entries.iter_mut().for_each(|entry| entry.follow_lips(world, &self.severed));
         }
+        // All grabs know by now where they lead.
+        self.entries.iter().flat_map(|entry| &entry.bone).for_each(|piece| piece.follow(world));
         events
     }
 
@@ -264,6 +276,16 @@ impl Timeline {
 }
 
 impl Entry {
+    /// What it takes hold of, if it does.
+    fn grip(&self) -> Option<Grip<'_>> {
+        let moves = match self.operation.action {
+            Action::Grab { .. } => true,
+            Action::Fix { .. } => false,
+            _ => return None,
+        };
+        Some(Grip { operation: &self.operation.name, particles: &self.particles, moves })
+    }
+
     /// Presses on the lips of a cut as far as it has come.
     fn follow_lips(&mut self, world: &mut World, severed: &[(String, Vec<SeveredSpring>)]) {
         let (State::Acting(handle), Action::Pressure { on: Pressed::LipsOf(cut), .. }) =
@@ -293,7 +315,12 @@ impl Entry {
                 Action::Force { .. } => State::Acting(world.push(&self.particles)),
                 Action::Pressure { .. } => State::Acting(world.press(&self.faces)),
                 Action::Grab { .. } => State::Acting(world.grab(&self.particles)),
-                Action::Tool { friction, .. } | Action::Plane { friction, .. } | Action::Bone { friction, .. } => {
+                Action::Bone { friction, .. } => {
+                    let added: Vec<Handle> =
+                        self.bone.iter_mut().map(|piece| piece.add(world, name, *friction)).collect();
+                    State::Acting(added[0])
+                }
+                Action::Tool { friction, .. } | Action::Plane { friction, .. } => {
                     let shape = self.shape.take().expect("an obstacle has a shape");
                     let handle = world.add_obstacle(name, shape, *friction);
                     if let Action::Tool { path, arrive, .. } = &self.operation.action {
@@ -415,6 +442,7 @@ fn shape_of(
         | Action::Grab { .. }
         | Action::Pressure { .. }
         | Action::Cut { .. }
+        | Action::Bone { .. }
         | Action::SelfContact { .. } => return Ok(None),
         Action::Tool { shape, .. } => match shape {
             ToolShape::Sphere { center, radius } => Shape::sphere(*center, *radius),
@@ -423,25 +451,19 @@ fn shape_of(
             ToolShape::Mesh { file } => mesh(file)?,
         },
         Action::Plane { point, normal, .. } => Shape::plane(*point, *normal),
-        Action::Bone { organs, .. } => Shape::rigid_organs(lattice, organs).ok_or(TimelineError::NoBone)?,
     }))
 }
 
-/// Makes sure that no grab moves bone that is an obstacle.
-fn bone_stays(entries: &[Entry], lattice: &Lattice) -> Result<(), TimelineError> {
-    let Some(organs) = entries.iter().find_map(|entry| match &entry.operation.action {
-        Action::Bone { organs, .. } => Some(organs),
-        _ => None,
-    }) else {
-        return Ok(());
+/// Finds which bone moves together.
+fn take_bone_to_pieces(entries: &mut [Entry], lattice: &Lattice) -> Result<(), TimelineError> {
+    let grips: Vec<Grip<'_>> = entries.iter().filter_map(Entry::grip).collect();
+    let of_entry = |entry: &Entry| match &entry.operation.action {
+        Action::Bone { organs, .. } => bone_pieces(lattice, organs, &grips),
+        _ => Ok(Vec::new()),
     };
-    let bone = Region::Any(organs.iter().map(|&organ| Region::Organ(organ)).collect()).select(lattice);
-    let grabs = |entry: &&Entry| matches!(entry.operation.action, Action::Grab { .. });
-    let moves = |entry: &&Entry| entry.particles.iter().any(|particle| bone.binary_search(particle).is_ok());
-    match entries.iter().filter(grabs).find(moves) {
-        Some(entry) => Err(TimelineError::BoneMoves { operation: entry.operation.name.clone() }),
-        None => Ok(()),
-    }
+    let pieces = entries.iter().map(of_entry).collect::<Result<Vec<_>, _>>()?;
+    entries.iter_mut().zip(pieces).for_each(|(entry, pieces)| entry.bone = pieces);
+    Ok(())
 }
 
 /// From patient space [mm] to the frame of the lattice [m].

@@ -43,8 +43,9 @@ impl ObstacleForces {
         let passed = time - std::mem::replace(&mut self.last, time);
         let mut values = Vec::new();
         for (number, felt) in (1..).zip(&mut self.obstacles) {
-            let facts = frame.world.obstacles().find(|facts| facts.name == felt.name);
-            let impulse = facts.map_or(Vector3::zeros(), |facts| facts.impulse);
+            // Bone that is moved in pieces is as many obstacles of one name.
+            let own = frame.world.obstacles().filter(|facts| facts.name == felt.name);
+            let impulse: Vector3 = own.map(|facts| facts.impulse).sum();
             let gained = impulse - std::mem::replace(&mut felt.impulse, impulse);
             felt.force = if passed > 0.0 { gained / passed } else { Vector3::zeros() };
             if felt.force.norm() > felt.largest.0 {

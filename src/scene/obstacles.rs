@@ -61,7 +61,7 @@ pub(super) fn bone(
     if let Some((index, organ)) = free {
         let found = format!("organ `{}` (organ[{index}]) is a rigid body that moves", organ.name);
         let expected =
-            "rigid organs that stay where they are: contact with bodies that move is not modelled, so leave its \
+            "rigid organs that stay or are grabbed: contact with bodies that move freely is not modelled, so leave its \
                         density or material out, or contact.bone"
                 .to_owned();
         checks.problem(&key, Problem::Degenerate { found, expected });

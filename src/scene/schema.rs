@@ -508,7 +508,8 @@ pub(super) struct Plane {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Contact {
-    /// Soft tissue cannot enter rigid organs that stay where they are (`rigid = true` without a density). Default: false.
+    /// Soft tissue cannot enter rigid organs that stay where they are (`rigid = true` without a density) or go, as wholes, where
+    /// a `pull` with a path takes them. Default: false.
     /// Example: `bone = true`.
     #[serde(default)]
     pub(super) bone: bool,

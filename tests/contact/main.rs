@@ -9,6 +9,7 @@ mod gentle;
 mod hertz;
 mod incline;
 mod itself;
+mod moved_bone;
 mod outside;
 mod scenes;
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use yawara::dynamics::timeline::{Timeline, TimelineError, What};
 use yawara::io::stl::write_stl;
+use yawara::lattice::region::Region;
 use yawara::run::drive::{Observer, drive};
 use yawara::run::inputs::{self, InputError};
 use yawara::run::label_lookup::Files;
@@ -184,7 +185,7 @@ fn a_released_tool_lets_tissue_return() {
 }
 
 #[test]
-fn bone_that_is_grabbed_is_no_obstacle() {
+fn bone_is_grabbed_as_a_whole_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[volume]\nphantom = \"abdomen\"\nspacing = 8.0\n[[organ]]\nname = \"liver\"\nlabel = \"liver\"\nmaterial = \"liver\"\n\
         [[organ]]\nname = \"spine\"\nlabel = \"spine\"\nrigid = true\n[time]\nduration = 0.01\n[contact]\nbone = true\nfriction = 0.1\n";
@@ -195,8 +196,14 @@ fn bone_that_is_grabbed_is_no_obstacle() {
         &mut (),
     );
     assert_eq!(world.obstacles().map(|facts| facts.name.to_owned()).collect::<Vec<_>>(), ["bone"]);
-    let scene = parse(&pull("{ organ = \"spine\" }"), folder.path());
+    let world = simulate(&parse(&pull("{ organ = \"spine\" }"), folder.path()), &mut ());
+    let spine = Region::Organ(1).select(world.lattice());
+    let moved = world.displacements_mm();
+    assert!(spine.iter().all(|&p| (moved[p as usize][1] - 2.0).abs() < 1e-4));
+    assert_eq!(world.obstacles().count(), 1);
+    let scene = parse(&pull("{ half_space = { point = [0, 0, 0], normal = [0, 0, 1] } }"), folder.path());
     let prepared = prepare(&scene, &inputs::load(&scene).unwrap()).unwrap();
     let error = Timeline::new(&scene.operations, &prepared.lattice).unwrap_err().to_string();
-    assert!(error.contains("`hook` moves rigid particles") && error.contains("contact.bone"), "{error}");
+    let parts = ["`hook` takes hold of ", " particles of a rigid organ that is moved (organ[1])", "contact.bone"];
+    assert!(parts.iter().all(|part| error.contains(part)), "{error}");
 }

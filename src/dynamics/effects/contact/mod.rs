@@ -3,8 +3,8 @@
 //! # What touches what
 //!
 //! Obstacles are tools that follow a path ([`Shape::sphere`], [`Shape::capsule`], [`Shape::block`], [`Shape::mesh`]), planes
-//! ([`Shape::plane`]) and rigid organs that stay where they are ([`Shape::rigid_organs`]). What they keep out is the soft
-//! particles that are free to move: held and grabbed ones go where they are told, and rigid bodies that move feel no obstacle.
+//! ([`Shape::plane`]) and rigid organs that stay or go where they are grabbed ([`Shape::rigid_organs`]). What they keep out is the
+//! soft particles that are free to move: held and grabbed ones go where they are told, and free rigid bodies feel no obstacle.
 //! A particle is a point: an obstacle narrower than two pitches can slip between particles.
 //!
 //! # One step
@@ -97,6 +97,17 @@ impl World {
     /// If the handle is not an obstacle's.
     pub fn move_obstacle(&mut self, handle: Handle, offset_mm: Vector3) {
         let target = self.to_lattice_axes(offset_mm * 1e-3);
+        self.placed_mut(handle).target = target;
+    }
+
+    /// Where an obstacle is to be after the next step: as far from where its shape says as this particle will be from rest. For
+    /// rigid organs without a mass, which only holds and grabs move; to be called before every step, after
+    /// [`World::move_grab`].
+    ///
+    /// # Panics
+    /// If the handle is not an obstacle's.
+    pub fn move_obstacle_with(&mut self, handle: Handle, particle: u32) {
+        let target = self.led_to(self.layout.slot[particle as usize]);
         self.placed_mut(handle).target = target;
     }
 
