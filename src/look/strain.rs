@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use crate::geometry::{Affine, Matrix3, Vector3};
 use crate::lattice::{Lattice, Topology};
 use crate::surface::gradient::Gradients;
+use crate::surface::hinged::Hinged;
 
 /// Particles per parallel task.
 const PARTICLES_PER_TASK: usize = 1 << 12;
@@ -30,7 +31,8 @@ type Symmetric = [f32; 6];
 /// Equivalent Green-Lagrange strain of the tissue around each particle, without unit.
 ///
 /// - `displacements_mm`: from rest, RAS+ \[mm\]. Shape `[particles, 3]`.
-/// - Cells with a severed spring count for nothing, so an open cut does not look like a stretch.
+/// - Cells with a severed spring count for nothing, so an open cut does not look like a stretch; nor do particles that a cut has
+///   left hinged, which count as the surface draws them.
 ///
 /// O(particles), parallel, the same bits at any number of threads.
 ///
@@ -42,6 +44,7 @@ type Symmetric = [f32; 6];
 /// hundred pitches, where the rounding of the displacements themselves takes over.
 pub fn equivalent_strains(lattice: &Lattice, topology: &Topology, displacements_mm: &[[f32; 3]]) -> Vec<f32> {
     assert_eq!(displacements_mm.len(), lattice.len(), "one displacement per particle");
+    let displacements_mm = &*Hinged::find(lattice, topology).steadied(lattice, displacements_mm);
     let to_index = inverse_axes(&lattice.grid.affine);
     let cells: Vec<Option<Symmetric>> = (0..lattice.len() as u32)
         .into_par_iter()

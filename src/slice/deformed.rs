@@ -15,6 +15,7 @@
 //! Where tissue overlaps itself (two lips pushed into each other), whole tetrahedra come before parted ones, then the cell with
 //! the lower number.
 
+use std::borrow::Cow;
 use std::collections::VecDeque;
 
 use rayon::prelude::*;
@@ -25,6 +26,7 @@ use crate::lattice::build::NO_ORGAN;
 use crate::lattice::neighbours::{ALL_ALIVE, direction_of};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology};
 use crate::surface::gradient::{AxisDisplacements, Gradients};
+use crate::surface::hinged::Hinged;
 
 /// Offsets of a cell's corners, x fastest: corner `c` is at bits 0, 1 and 2 of `c`.
 const CORNERS: usize = 8;
@@ -82,7 +84,7 @@ impl CarriedRaster {
 pub struct InverseMap<'a> {
     lattice: &'a Lattice,
     topology: &'a Topology,
-    displacements: &'a [[f32; 3]],
+    displacements: Cow<'a, [[f32; 3]]>,
     /// Deformation around each particle that lost a spring or never had all; index by [`InverseMap::gradient_at`].
     gradients: Vec<AxisDisplacements>,
     /// Index among the gradients of each particle, or `u32::MAX`.
@@ -144,6 +146,7 @@ impl<'a> InverseMap<'a> {
         assert_eq!(displacements.len(), lattice.len(), "one displacement per particle");
         let mut gradient_at = vec![u32::MAX; lattice.len()];
         let mut gradients = Vec::new();
+        let mut displacements = Cow::Borrowed(displacements);
         // No deformation can be told from places that are no numbers.
         if displacements.par_iter().all(|u| u.iter().all(|x| x.is_finite())) {
             let border: Vec<u32> = (0..lattice.len() as u32)
@@ -153,8 +156,11 @@ impl<'a> InverseMap<'a> {
                     topology.alive()[p as usize] != whole
                 })
                 .collect();
+            if let Cow::Owned(steadied) = Hinged::find(lattice, topology).steadied(lattice, &displacements) {
+                displacements = Cow::Owned(steadied);
+            }
             let (found, index) = Gradients::new(lattice, topology.alive(), &border);
-            gradients = found.evaluate(lattice, displacements);
+            gradients = found.evaluate(lattice, &displacements);
             border.iter().zip(index).for_each(|(&particle, at)| gradient_at[particle as usize] = at);
         }
         Self { lattice, topology, displacements, gradients, gradient_at, values: &[] }

@@ -14,6 +14,7 @@
 use rayon::prelude::*;
 
 use super::gradient::{AxisDisplacements, Gradients};
+use super::hinged::Hinged;
 use super::normals::Sheet;
 use crate::lattice::Lattice;
 
@@ -82,6 +83,7 @@ pub(crate) struct Rim {
 pub(crate) struct Embedding {
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) gradients: Gradients,
+    pub(crate) hinged: Hinged,
     pub(crate) fronts: Vec<Front>,
     pub(crate) rims: Vec<Rim>,
     /// Centres: the vertex itself, then the vertices of its loop.
@@ -114,6 +116,7 @@ impl Embedding {
         positions: &mut Vec<[f32; 3]>,
         moved: &mut Vec<[f32; 3]>,
     ) {
+        let displacements = &*self.hinged.steadied(lattice, displacements);
         let gradients = self.gradients.evaluate(lattice, displacements);
         positions.resize(self.vertices.len(), [0.0; 3]);
         moved.resize(self.vertices.len(), [0.0; 3]);

@@ -6,6 +6,7 @@ use super::SurfaceError;
 use super::blade::Blades;
 use super::embed::{Carrier, Embedding, Front, Rim, Vertex};
 use super::gradient::Gradients;
+use super::hinged::Hinged;
 use super::junction::RimCrossing;
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::sweep::{self, Crossing, Numbering};
@@ -39,7 +40,7 @@ impl Surface {
     /// If the field has not one value per grid point, or the surface would need more than 2^32 vertices or triangles.
     pub fn extract(lattice: &Lattice, topology: &Topology, field: &[f32]) -> Result<Self, SurfaceError> {
         let mut surface = Self::extract_places(lattice, topology, field)?;
-        add_gradients(&mut surface.embedding, lattice, topology.alive());
+        add_gradients(&mut surface.embedding, lattice, topology);
         Ok(surface)
     }
 
@@ -384,8 +385,8 @@ fn add_centres(embedding: &mut Embedding, loops: &[Loop]) {
     embedding.centres = centres;
 }
 
-/// Numbers the gradients that vertices need, in the order of the vertices.
-pub(super) fn add_gradients(embedding: &mut Embedding, lattice: &Lattice, alive: &[u32]) {
+/// Numbers the gradients that vertices need, in the order of the vertices, and finds the particles that are drawn elsewhere.
+pub(super) fn add_gradients(embedding: &mut Embedding, lattice: &Lattice, topology: &Topology) {
     let mut place_of = vec![NOT_YET; lattice.len()];
     let mut particles = Vec::new();
     let mut need = |particle: u32| {
@@ -407,7 +408,7 @@ pub(super) fn add_gradients(embedding: &mut Embedding, lattice: &Lattice, alive:
             *gradient = rim.gradient;
         }
     }
-    let (gradients, index) = Gradients::new(lattice, alive, &particles);
+    let (gradients, index) = Gradients::new(lattice, topology.alive(), &particles);
     for carrier in embedding.vertices.iter_mut().map(|vertex| &mut vertex.carrier) {
         if let Carrier::Beyond { gradient, .. } = carrier {
             *gradient = index[*gradient as usize];
@@ -420,4 +421,5 @@ pub(super) fn add_gradients(embedding: &mut Embedding, lattice: &Lattice, alive:
         }
     }
     embedding.gradients = gradients;
+    embedding.hinged = Hinged::find(lattice, topology);
 }

@@ -54,6 +54,16 @@ fn weight(direction: usize) -> f64 {
     1.0 / neighbours::family(direction) as f64
 }
 
+/// Whether some springs of a particle do not all lie in a plane.
+pub(crate) fn spans(alive: u32) -> bool {
+    moment(alive).symmetric_eigenvalues().min() > SPANS
+}
+
+/// Sum of weight * offset * offset^T over some springs.
+fn moment(alive: u32) -> Matrix3 {
+    directions(alive).map(|d| offset(d) * offset(d).transpose() * weight(d)).sum()
+}
+
 fn directions(alive: u32) -> impl Iterator<Item = usize> {
     (0..neighbours::NEIGHBOURS).filter(move |direction| alive >> direction & 1 == 1)
 }
@@ -61,9 +71,8 @@ fn directions(alive: u32) -> impl Iterator<Item = usize> {
 impl Neighbourhood {
     /// The neighbourhood of a particle, and whether it spans space.
     fn new(particle: u32, alive: u32) -> (Self, bool) {
-        let moment: Matrix3 = directions(alive).map(|d| offset(d) * offset(d).transpose() * weight(d)).sum();
-        let spans = moment.symmetric_eigenvalues().min() > SPANS;
-        let i = if spans { moment.try_inverse().unwrap_or_else(Matrix3::zeros) } else { Matrix3::zeros() };
+        let spans = spans(alive);
+        let i = if spans { moment(alive).try_inverse().unwrap_or_else(Matrix3::zeros) } else { Matrix3::zeros() };
         let inverse = [i[(0, 0)], i[(0, 1)], i[(0, 2)], i[(1, 1)], i[(1, 2)], i[(2, 2)]];
         (Self { particle, alive, inverse }, spans)
     }
@@ -99,8 +108,7 @@ impl Neighbourhood {
     /// The rotation nearest to what the surviving springs did.
     fn rotation(&self, lattice: &Lattice, displacements: &[[f32; 3]]) -> Matrix3 {
         let axes = lattice.grid.affine.linear();
-        let rest: Matrix3 = directions(self.alive).map(|d| offset(d) * offset(d).transpose() * weight(d)).sum();
-        let rest = axes * rest;
+        let rest = axes * moment(self.alive);
         // Sum of weight * deformed * rest^T, in patient space.
         let fit = (rest + self.moment_of(lattice, displacements)) * axes.transpose();
         let size = fit.norm();

@@ -21,6 +21,7 @@ pub mod field_normals;
 pub mod fine;
 mod gaps;
 pub(crate) mod gradient;
+pub(crate) mod hinged;
 pub mod interfaces;
 mod junction;
 mod marching_cubes;

@@ -6,6 +6,7 @@ mod support;
 mod bodies;
 mod carrying;
 mod cuts;
+mod hinges;
 mod organs;
 mod rims;
 mod shared;

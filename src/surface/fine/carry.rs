@@ -6,6 +6,7 @@ use super::hosts::{Host, Hosts, Numbered};
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::{Lattice, Topology};
 use crate::surface::gradient::Gradients;
+use crate::surface::hinged::Hinged;
 
 /// How far outside its cell a vertex still follows the cell's own map [cells]; beyond, it follows the nearest such point.
 const REACH: f32 = 1.5;
@@ -35,6 +36,7 @@ pub(super) struct Carriage {
     hosts: Vec<[u32; 8]>,
     corners: Vec<VirtualCorner>,
     gradients: Gradients,
+    hinged: Hinged,
     particles: usize,
     /// From displacements per index step to displacements per mm.
     to_index: Matrix3,
@@ -92,7 +94,8 @@ impl Carriage {
         }
         let axes = lattice.grid.affine.linear();
         let to_index = axes.try_inverse().unwrap_or_else(Matrix3::identity);
-        Self { seats, hosts, corners, gradients, particles: lattice.len(), to_index }
+        let hinged = Hinged::find(lattice, topology);
+        Self { seats, hosts, corners, gradients, hinged, particles: lattice.len(), to_index }
     }
 
     /// Displacements of the virtual corners \[mm\].
@@ -125,6 +128,7 @@ impl Carriage {
         carried: Carried<'_>,
     ) {
         assert_eq!(displacements.len(), self.particles, "one displacement per particle");
+        let displacements = &*self.hinged.steadied(lattice, displacements);
         let continued = self.continued(lattice, displacements);
         let corner = |corner: u32| {
             let corner = corner as usize;

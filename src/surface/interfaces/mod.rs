@@ -107,7 +107,7 @@ impl MultiSurface {
     /// If the partition is not one of the lattice's grid, or the surface would need more than 2^32 vertices or triangles.
     pub fn extract(lattice: &Lattice, topology: &Topology, partition: &Partition) -> Result<Self, SurfaceError> {
         let mut drawn = draw(lattice, topology, partition)?;
-        add_gradients(&mut drawn.embedding, lattice, topology.alive());
+        add_gradients(&mut drawn.embedding, lattice, topology);
         let embedding = std::mem::take(&mut drawn.embedding);
         let sheets = embedding.vertices.iter().map(Vertex::shown_on).collect();
         Ok(Self::of(drawn, Motion::Lattice(embedding), sheets))
