@@ -102,6 +102,12 @@ impl Embedding {
         };
         self.vertices.iter().map(of).collect()
     }
+
+    /// The vertices where a cut ends inside the tissue, ascending.
+    pub(crate) fn ends_of_cuts(&self) -> Vec<u32> {
+        let fronts = (0..).zip(&self.vertices).filter(|(_, vertex)| matches!(vertex.carrier, Carrier::Front { .. }));
+        fronts.map(|(number, _)| number).collect()
+    }
 }
 
 /// Vertices per parallel task.

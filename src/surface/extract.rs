@@ -122,6 +122,11 @@ impl Surface {
         anchors
     }
 
+    /// The vertices where a cut ends inside the tissue, ascending.
+    pub(crate) fn ends_of_cuts(&self) -> Vec<u32> {
+        self.embedding.ends_of_cuts()
+    }
+
     /// The triangles, and the centres of loops with the vertices of each loop.
     pub(crate) fn into_triangles_and_centres(self) -> (Vec<[u32; 3]>, Vec<Loop>) {
         (self.triangles, self.embedding.centres)

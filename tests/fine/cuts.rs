@@ -65,6 +65,42 @@ fn half_a_cut_opens_and_ends_inside() {
     assert!((report.volume_mm3 / (4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3)) - 1.0).abs() < 0.01);
 }
 
+/// Sides that part in proportion to the distance from the end of a cut that slants through the cells: where it ends they meet without a
+/// leap.
+#[test]
+fn the_sides_of_a_cut_come_together_where_it_ends() {
+    let [edge, way] = [Vector3::new(0.25, -0.3, 1.0), Vector3::new(0.2, 1.0, 0.35)].map(|axis| axis.normalize());
+    let normal = edge.cross(&way).normalize();
+    let forward = normal.cross(&edge).normalize();
+    let mut world = ball(true);
+    assert!(cut(&mut world, Vector3::zeros(), edge, way, 0.0) > 0);
+    let behind = |place: Point3| -(place - middle()).dot(&forward);
+    let parted = |place: Point3| 0.8 * behind(place).max(0.0) * (place - middle()).dot(&normal).signum();
+    displace(&mut world, |place| normal * parted(place));
+    let surface = surface(&world, &fine_ball(0.8));
+    let mesh = surface.carry(world.lattice(), &world.displacements_mm());
+    assert!(check(&mesh).passes());
+    let place = |vertex: u32| Point3::from(surface.rest_places()[vertex as usize]);
+    let moved = |vertex: u32| Vector3::from(mesh.displacements[vertex as usize].map(f64::from));
+    let near =
+        |vertex: &u32| behind(place(*vertex)).abs() < 3.0 && (place(*vertex) - middle()).dot(&normal).abs() < 1.0;
+    let mut slopes = Vec::new();
+    for triangle in surface.triangles().iter().filter(|triangle| triangle.iter().all(near)) {
+        for [a, b] in [[0, 1], [1, 2], [2, 0]].map(|edge| edge.map(|corner| triangle[corner])) {
+            slopes.push((moved(a) - moved(b)).norm() / (place(a) - place(b)).norm().max(0.4));
+        }
+    }
+    slopes.sort_by(f64::total_cmp);
+    let steepest = slopes[slopes.len() - 1];
+    let steep = slopes.iter().filter(|slope| **slope > 1.2).count() as f64 / slopes.len() as f64;
+    println!(
+        "{} edges near the end, asked to part by 0.8 of their length at most: {steepest:.2} of it at most, {:.1} % by more than 1.2",
+        slopes.len(),
+        100.0 * steep
+    );
+    assert!(slopes.len() > 1000 && steepest < 1.7, "a ledge where the cut ends");
+}
+
 #[test]
 fn cutting_again_through_an_open_cut_adds_nothing() {
     let mut world = ball(true);

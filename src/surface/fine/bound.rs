@@ -20,20 +20,20 @@ impl Bound {
     /// Opens a fine lattice where blades went, draws on it, and binds what was drawn.
     ///
     /// - `memory`: that of the last time, or a new one.
-    /// - `draw`: from the springs of the fine lattice that are left: what it likes, the rest place of each vertex [mm], and a point
-    ///   of the fine lattice on its inside and on its side of every cut.
+    /// - `draw`: from the springs of the fine lattice that are left: what it likes, the rest place of each vertex [mm], a point of the
+    ///   fine lattice on its inside and on its side of every cut, and the vertices where cuts end, ascending.
     pub(in crate::surface) fn draw<T>(
         fine: &Lattice,
         (lattice, topology, cuts): (&Lattice, &Topology, &CutSheet),
         memory: &mut Memory,
-        draw: impl FnOnce(&Topology) -> Result<(T, Vec<[f64; 3]>, Vec<u32>), SurfaceError>,
+        draw: impl FnOnce(&Topology) -> Result<(T, Vec<[f64; 3]>, [Vec<u32>; 2]), SurfaceError>,
     ) -> Result<(T, Self), SurfaceError> {
         let knife = Knife::new(cuts, &lattice.grid.affine);
         let hosts = Hosts::new(lattice, topology, &knife);
         let frame = Frame::new(lattice, fine);
         let cut = memory.opening.open(fine, (lattice, topology, cuts), &knife, &hosts, &frame);
-        let (drawn, rest, anchors) = draw(&cut)?;
-        let carriage = bound(fine, lattice, topology, &hosts, &frame, &rest, &anchors);
+        let (drawn, rest, [anchors, ends]) = draw(&cut)?;
+        let carriage = bound(fine, (lattice, topology), &hosts, &frame, &rest, (&anchors, &ends));
         Ok((drawn, Self { rest, carriage }))
     }
 

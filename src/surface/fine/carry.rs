@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::endings::Ending;
 use super::hosts::{Host, Hosts, Numbered};
 use crate::geometry::{Matrix3, Vector3};
 use crate::lattice::{Lattice, Topology};
@@ -32,6 +33,8 @@ struct VirtualCorner {
 #[derive(Debug, Clone)]
 pub(super) struct Carriage {
     seats: Vec<Seat>,
+    /// Vertices that all corners of their cell carry in part, with the number of that host.
+    endings: Vec<Ending<u32>>,
     /// The eight corners of every host: particles, then virtual corners.
     hosts: Vec<[u32; 8]>,
     corners: Vec<VirtualCorner>,
@@ -52,13 +55,14 @@ pub(super) struct Carried<'a> {
 impl Carriage {
     /// Binds vertices to the lattice.
     ///
-    /// - `hosts_of`: host of each vertex; `places`: its index coordinates in the lattice.
+    /// - `hosts_of`: host of each vertex; `places`: its index coordinates in the lattice; `endings`: vertices near the ends of cuts.
     pub(super) fn bind(
         lattice: &Lattice,
         topology: &Topology,
         hosts: &Hosts<'_>,
         hosts_of: &[Host],
         places: &[Vector3],
+        endings: &[Ending<Host>],
     ) -> Self {
         let mut numbered = Numbered::default();
         let seats: Vec<Seat> = hosts_of
@@ -69,6 +73,8 @@ impl Carriage {
                 Seat { host: numbered.number(host), local: local.map(|x| x.clamp(-REACH, 1.0 + REACH)) }
             })
             .collect();
+        let numbered_all = |&ending: &Ending<Host>| ending.with(numbered.number(ending.all));
+        let endings = endings.iter().map(numbered_all).collect();
         let mut corners = Vec::new();
         let mut asked = Vec::new();
         let hosts = numbered
@@ -95,7 +101,7 @@ impl Carriage {
         let axes = lattice.grid.affine.linear();
         let to_index = axes.try_inverse().unwrap_or_else(Matrix3::identity);
         let hinged = Hinged::find(lattice, topology);
-        Self { seats, hosts, corners, gradients, hinged, particles: lattice.len(), to_index }
+        Self { seats, endings, hosts, corners, gradients, hinged, particles: lattice.len(), to_index }
     }
 
     /// Displacements of the virtual corners \[mm\].
@@ -153,6 +159,20 @@ impl Carriage {
                     turned[at] = turn(normals[first + at], &slopes, &to_index);
                 }
             });
+        for &Ending { vertex, all, local, share, slope } in &self.endings {
+            let (at, seat) = (vertex as usize, &self.seats[vertex as usize]);
+            let carried_by = |host: u32, local| trilinear(&self.hosts[host as usize].map(corner), local);
+            let (one, all) = (carried_by(seat.host, seat.local), carried_by(all, local));
+            let apart = [0, 1, 2].map(|axis| all.0[axis] - one.0[axis]);
+            let value = [0, 1, 2].map(|axis| one.0[axis] + share * apart[axis]);
+            let slopes = [0, 1, 2].map(|step| {
+                let mix = |axis: usize| one.1[step][axis] + share * (all.1[step][axis] - one.1[step][axis]);
+                [0, 1, 2].map(|axis| mix(axis) + slope[step] * apart[axis])
+            });
+            carried.moved[at] = value;
+            carried.positions[at] = [0, 1, 2].map(|axis| (rest[at][axis] + f64::from(value[axis])) as f32);
+            carried.normals[at] = turn(normals[at], &slopes, &to_index);
+        }
     }
 }
 

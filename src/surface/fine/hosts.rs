@@ -59,6 +59,13 @@ impl<'a> Hosts<'a> {
         self.host(inside)
     }
 
+    /// A cell with all the corners it has; `None` where living springs do not join them all.
+    pub(super) fn all_of(&self, cell: [i32; 3]) -> Option<Host> {
+        let particles = self.corners(cell);
+        let carrying = present(&particles);
+        (carrying != 0 && piece_of(self.topology, &particles, carrying) == carrying).then_some(Host { cell, carrying })
+    }
+
     /// Whether two hosts have nothing to do with each other: no corner that carries is in both, and no living spring joins one
     /// of the first to one of the second.
     pub(super) fn are_apart(&self, a: Host, b: Host) -> bool {

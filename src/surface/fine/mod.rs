@@ -6,6 +6,7 @@
 //! opening     the springs of the body that are left, followed from cut to cut
 //! surface     marching cubes of the body, opened where the knife went (the same rules, on the fine grid)
 //! hosts       for every vertex: the cell of the lattice that carries it, and the corners on its side of the cut
+//! endings     vertices near the end of a cut, where both sides come together
 //! carriage    once per frame: one trilinear interpolation per vertex; normals turn with the deformation
 //! ```
 //! Whatever the lattice does, the mesh is closed, manifold and oriented: it is that of [`super::Surface`] on the fine grid. The
@@ -16,6 +17,7 @@
 
 mod bound;
 mod carry;
+mod endings;
 mod host_cells;
 mod hosts;
 mod knife;
@@ -26,6 +28,7 @@ use rayon::prelude::*;
 
 pub(super) use self::bound::Bound;
 use self::carry::{Carriage, Carried};
+use self::endings::endings;
 use self::hosts::{Host, Hosts};
 use self::knife::Knife;
 use self::opening::Opening;
@@ -152,6 +155,7 @@ impl FineSurface {
         let mut on_seam: Vec<bool> = surface.on_seam().collect();
         let mut of_triangles = surface.normals(&at_rest);
         let mut anchors = surface.anchors();
+        let mut ends = surface.ends_of_cuts();
         let mut layers = surface.vertex_layers().to_vec();
         let (mut triangles, mut centres) = surface.into_triangles_and_centres();
         if let Some(care) = care {
@@ -162,11 +166,13 @@ impl FineSurface {
             on_seam = cared.parents.iter().map(|&parent| on_seam[parent as usize]).collect();
             of_triangles = cared.parents.iter().map(|&parent| of_triangles[parent as usize]).collect();
             anchors = cared.parents.iter().map(|&parent| anchors[parent as usize]).collect();
+            let left = (0..).zip(&cared.parents).filter(|(_, parent)| ends.binary_search(parent).is_ok());
+            ends = left.map(|(vertex, _)| vertex).collect();
             (rest, triangles, centres) = (cared.positions, cared.triangles, Vec::new());
             layers.clear();
         }
         let normals = memory.normals.update(body, &sheets, &layers, &rest, &of_triangles)?;
-        let carriage = bound(fine, lattice, topology, &hosts, &frame, &rest, &anchors);
+        let carriage = bound(fine, (lattice, topology), &hosts, &frame, &rest, (&anchors, &ends));
         Ok(Self { rest, normals, triangles, on_seam, centres, carriage })
     }
 
@@ -255,20 +261,21 @@ impl Frame {
     }
 }
 
-/// Binds vertices to the lattice: by their rest places [mm] and the points of the body on their inside.
+/// Binds vertices to the lattice: by their rest places [mm], the points of the body on their inside, and which of them lie where cuts
+/// end.
 fn bound(
     fine: &Lattice,
-    lattice: &Lattice,
-    topology: &Topology,
+    (lattice, topology): (&Lattice, &Topology),
     hosts: &Hosts<'_>,
     frame: &Frame,
     rest: &[[f64; 3]],
-    anchors: &[u32],
+    (anchors, ends): (&[u32], &[u32]),
 ) -> Carriage {
     let places: Vec<Vector3> =
         rest.par_iter().map(|&place| lattice.grid.affine.index_of(Point3::from(place)).coords).collect();
     let inside = anchors.par_iter().map(|&anchor| frame.place_of(fine, anchor));
     let hosts_of: Vec<Host> =
         inside.zip(&places).map(|(inside, &vertex)| hosts.host_of_vertex(inside, vertex)).collect();
-    Carriage::bind(lattice, topology, hosts, &hosts_of, &places)
+    let endings = endings(hosts, &hosts_of, &places, ends);
+    Carriage::bind(lattice, topology, hosts, &hosts_of, &places, &endings)
 }

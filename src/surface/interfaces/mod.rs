@@ -149,7 +149,8 @@ impl MultiSurface {
             for knot in &drawn.knots {
                 anchors[knot.vertex as usize] = anchors[knot.sources[0].0 as usize];
             }
-            Ok((drawn, rest, anchors))
+            let ends = drawn.embedding.ends_of_cuts();
+            Ok((drawn, rest, [anchors, ends]))
         })?;
         let sheets = drawn.embedding.vertices.iter().map(Vertex::shown_on).collect();
         Ok(Self::of(drawn, Motion::Fine(bound), sheets))
