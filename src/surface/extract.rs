@@ -13,7 +13,7 @@ use super::marching_cubes::sweep::{self, Crossing, Numbering};
 use super::mesh::TriangleMesh;
 use super::normals::{Layers, Sheet, vertex_normals};
 use super::rim;
-use super::seam::{Seam, SeamEdge, edge_key, point_of_key};
+use super::seam::{Seam, SeamEdge, edge_key};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology, neighbours};
 
 /// A closed surface round the tissue of a lattice, with both faces of every cut, and what moves each of its vertices.
@@ -68,7 +68,8 @@ impl Surface {
             }
             add_centres(&mut embedding, &loops);
             let crowded = rim::crowded(&embedding, &drawn.triangles, lattice.pitch * 1e3);
-            if crowded.is_empty() || !rim::refuse(&crowded, &mut seam.edges, &mut seam.rim_crossings) {
+            let drawn = (lattice, &embedding, &*drawn.triangles);
+            if crowded.is_empty() || !rim::make_room(&crowded, drawn, &mut seam.edges, &mut seam.rim_crossings) {
                 break embedding;
             }
         };
@@ -239,10 +240,7 @@ impl Crossings<'_> {
     /// What carries the rim crossings, in their order: the first rims of an embedding.
     pub(super) fn rims(&self) -> Vec<Rim> {
         let rim = |rim: &RimCrossing| {
-            let (low, axis) = (point_of_key(self.lattice.grid.shape, rim.edge / 3), (rim.edge % 3) as usize);
-            let low = low.map(|i| i - 1);
-            let mut inside = low;
-            inside[axis] += i64::from(!rim.upward);
+            let (inside, axis) = (rim.inside(self.lattice.grid.shape), rim.edge % 3);
             let particle = self.particle(inside).unwrap_or(0);
             let [(_, lip), (across, step), (aside_axis, aside)] = rim.steps();
             let skin = self.carrier(particle, inside, across, step >= 0.0, step.abs());

@@ -75,7 +75,7 @@ impl Gaps {
             .flat_map_iter(|particle| tissue.passed_crossings(particle, values));
         let mut rim_crossings: Vec<RimCrossing> = found.into_par_iter().flatten().chain(passed).collect();
         // Of several places on the rim the nearest.
-        rim_crossings.sort_by(|a, b| a.edge.cmp(&b.edge).then(a.moved.total_cmp(&b.moved)));
+        rim_crossings.sort_by(|a, b| a.edge.cmp(&b.edge).then(a.moved().total_cmp(&b.moved())));
         rim_crossings.dedup_by_key(|crossing| crossing.edge);
         debug_assert!(edges.iter().zip(&keys).all(|(edge, &key)| edge.key(shape) == key));
         let cell_keys = sorted(dead.par_iter().flat_map_iter(|spring| spring.cells(shape)).collect());
@@ -319,7 +319,7 @@ impl Tissue<'_> {
                 let at = rim_at(edge.lips, end, skin, slopes[0], met, if clear { Beyond::Nothing } else { beyond });
                 let behind = met.is_none() && passes_corner(edge.lips[usize::from(end)], raw, slopes[0]);
                 rims[usize::from(end)] =
-                    Some(RimPlace { end, skin_axis: across, skin_upward: upward, at, plain, behind });
+                    Some(RimPlace { end, skin_axis: across, skin_upward: upward, at, plain, gave_way: false, behind });
             } else {
                 let above = stepped(corner, across.into(), upward);
                 let normal = || on_axes(self.skin_normal(above, edge.axis.into(), end == 0, values));
@@ -331,7 +331,8 @@ impl Tissue<'_> {
                     across,
                     across_upward: !upward,
                     at: [x, 1.0 - y, z],
-                    moved: (x - raw).powi(2) + (y - 1.0).powi(2) + z.powi(2),
+                    plain: raw,
+                    gave_way: false,
                 });
             }
         }
@@ -401,7 +402,8 @@ impl Tissue<'_> {
                     across: across as u8,
                     across_upward,
                     at,
-                    moved: (at[0] - t).powi(2) + at[1].powi(2) + at[2].powi(2),
+                    plain: t,
+                    gave_way: false,
                 });
             };
             let mut met = false;

@@ -6,6 +6,8 @@
 
 use super::marching_cubes::face::Face;
 use super::marching_cubes::sweep::CLEARANCE;
+use super::seam::point_of_key;
+use crate::geometry::GridShape;
 
 /// How far each lip of a cut stands back from the blade, as a fraction of its spring. At rest the two lips would otherwise
 /// coincide, and readers that weld vertices by place would close the cut.
@@ -51,6 +53,8 @@ pub(crate) struct RimPlace {
     pub(crate) at: [f32; 3],
     /// The same without what is known of blade and skin beyond the corner: where it goes when there is no room for it.
     pub(crate) plain: [f32; 3],
+    /// Whether it has been put between its neighbours to make room.
+    pub(crate) gave_way: bool,
     /// Whether it lies in the face of the cut, behind where that meets the skin: the blade has passed the corner's own edge.
     pub(crate) behind: bool,
 }
@@ -70,26 +74,75 @@ pub(crate) struct RimCrossing {
     pub(crate) across_upward: bool,
     /// Steps along its edge, across, and up along the third axis, from the inside end.
     pub(crate) at: [f32; 3],
-    /// Squared distance from where it was [pitches].
-    pub(crate) moved: f32,
+    /// Steps along its edge of where it was.
+    pub(crate) plain: f32,
+    /// Whether it has been put between its neighbours to make room.
+    pub(crate) gave_way: bool,
 }
 
 impl RimPlace {
     /// Squared distance from where it goes when there is no room for it [pitches].
     pub(crate) fn moved(&self) -> f32 {
-        let way = [0, 1, 2].map(|n| self.at[n] - self.plain[n]);
-        dot(way, way)
+        squared_distance(self.at, self.plain)
+    }
+
+    /// Makes room: goes where it is put, the first time, or else where it has room for certain.
+    ///
+    /// - `between`: steps along the grid axes from its corner.
+    pub(crate) fn give_way(&mut self, cut_axis: u8, between: Option<[f32; 3]>) {
+        let aside = 3 - cut_axis - self.skin_axis;
+        let own = |steps: [f32; 3]| {
+            let along = |axis: u8, upward: bool| signed(steps[usize::from(axis)], upward);
+            [along(cut_axis, self.end == 0), along(self.skin_axis, self.skin_upward), along(aside, true)]
+        };
+        self.at = between.filter(|_| !self.gave_way).map_or(self.plain, own);
+        self.gave_way = true;
     }
 }
 
 impl RimCrossing {
+    /// The axes along its edge, across, and aside, each with whether steps are counted upward.
+    fn axes(&self) -> [(usize, bool); 3] {
+        let (axis, across) = ((self.edge % 3) as usize, usize::from(self.across));
+        [(axis, self.upward), (across, self.across_upward), (3 - axis - across, true)]
+    }
+
+    /// The grid point at its inside end.
+    pub(crate) fn inside(&self, shape: GridShape) -> [i64; 3] {
+        let mut inside = point_of_key(shape, self.edge / 3).map(|i| i - 1);
+        inside[(self.edge % 3) as usize] += i64::from(!self.upward);
+        inside
+    }
+
     /// Signed steps from the inside end, along the axis of its edge, across, and along the third.
     pub(crate) fn steps(&self) -> [(usize, f32); 3] {
-        let (axis, across) = ((self.edge % 3) as usize, usize::from(self.across));
-        let signed = |t: f32, upward: bool| if upward { t } else { -t };
-        let [along, over, aside] = self.at;
-        [(axis, signed(along, self.upward)), (across, signed(over, self.across_upward)), (3 - axis - across, aside)]
+        let axes = self.axes();
+        [0, 1, 2].map(|n| (axes[n].0, signed(self.at[n], axes[n].1)))
     }
+
+    /// Squared distance from where it was [pitches].
+    pub(crate) fn moved(&self) -> f32 {
+        squared_distance(self.at, [self.plain, 0.0, 0.0])
+    }
+
+    /// Makes room: goes where it is put, the first time. False if it is to be a crossing like any other.
+    ///
+    /// - `between`: steps along the grid axes from the inside end.
+    pub(crate) fn give_way(&mut self, between: Option<[f32; 3]>) -> bool {
+        let Some(steps) = between.filter(|_| !self.gave_way) else { return false };
+        self.at = self.axes().map(|(axis, upward)| signed(steps[axis], upward));
+        self.gave_way = true;
+        true
+    }
+}
+
+fn signed(t: f32, upward: bool) -> f32 {
+    if upward { t } else { -t }
+}
+
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let way = [0, 1, 2].map(|n| a[n] - b[n]);
+    dot(way, way)
 }
 
 /// A crack front behind ring edge `m`, the blade at the fraction `at` of it from ring corner `m`.

@@ -2,16 +2,19 @@
 //!
 //! What the blade left joined decides the triangles, before the rim is placed: a straight rim can have three of its vertices in one
 //! triangle, two vertices can want the same place, and where blades cross or end the skin of one side can reach over to the other.
-//! Of each such conflict one rim stays where it is without what is known of its blade ([`refuse`]), then all are looked
-//! at again: a vertex that gives way often makes room for the others.
+//! Of each such conflict one rim gives way ([`make_room`]): it goes half-way between its neighbours on the rim, which mostly are where blade and
+//! skin meet, and if that does not help, to where it is without what is known of its blade. Then all are looked at again: a
+//! vertex that gives way often makes room for the others.
 
 use rayon::prelude::*;
 
 use super::embed::{Carrier, Embedding, Vertex};
 use super::junction::{RimCrossing, RimPlace};
 use super::normals::Sheet;
+use super::rim_line::between;
 use super::seam::SeamEdge;
 use crate::geometry::{CellMap, Vector3};
+use crate::lattice::Lattice;
 
 /// Smallest area of a triangle at a rim [squared pitches]: a tenth of that of the smallest one between crossings of the skin, which are
 /// kept clear of the ends of their edges.
@@ -65,25 +68,46 @@ pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f
     found
 }
 
-/// Of the rims in each conflict puts one where it is without what is known beyond its corner: that of most conflicts, then that which
-/// moved farthest. False when there was none to put there.
-pub(super) fn refuse(conflicts: &[Conflict], edges: &mut [SeamEdge], rim_crossings: &mut Vec<RimCrossing>) -> bool {
+/// Of the rims in each conflict lets one give way: that of most conflicts, then that which moved farthest. False when there was none that
+/// could.
+pub(super) fn make_room(
+    conflicts: &[Conflict],
+    (lattice, embedding, triangles): (&Lattice, &Embedding, &[[u32; 3]]),
+    edges: &mut [SeamEdge],
+    rim_crossings: &mut Vec<RimCrossing>,
+) -> bool {
     // By their numbers in an embedding.
     let rims = || edges.iter().flat_map(|edge| &edge.rims);
-    let moved: Vec<f32> =
-        rim_crossings.iter().map(|crossing| crossing.moved).chain(rims().map(RimPlace::moved)).collect();
+    let moved: Vec<f32> = rim_crossings.iter().map(RimCrossing::moved).chain(rims().map(RimPlace::moved)).collect();
     let mut count = vec![0_u32; moved.len()];
     let movable = |conflict: &Conflict| conflict.rims().filter(|&rim| moved[rim] > 0.0);
     conflicts.iter().flat_map(movable).for_each(|rim| count[rim] += 1);
     let order = |&a: &usize, &b: &usize| count[a].cmp(&count[b]).then(moved[a].total_cmp(&moved[b])).then(a.cmp(&b));
-    let mut refused = vec![false; moved.len()];
+    let mut yields = vec![false; moved.len()];
     for rim in conflicts.iter().filter_map(|conflict| movable(conflict).max_by(order)) {
-        refused[rim] = true;
+        yields[rim] = true;
     }
-    let mut refused = refused.into_iter();
-    rim_crossings.retain(|_| refused.next() == Some(false));
-    for (rim, _) in edges.iter_mut().flat_map(|edge| &mut edge.rims).zip(refused).filter(|(_, refused)| *refused) {
-        rim.at = rim.plain;
+    let between = between(embedding, triangles, &yields);
+    let mut yielding = (0_u32..).zip(yields);
+    // Steps from a grid point to between the neighbours of a rim.
+    let steps = |rim: u32, from: [i64; 3]| {
+        let index = lattice.grid.affine.index_of((*between.get(&rim)?).into());
+        Some([0, 1, 2].map(|axis| (index[axis] - from[axis] as f64) as f32))
+    };
+    rim_crossings.retain_mut(|crossing| match yielding.next() {
+        Some((rim, true)) => {
+            let inside = crossing.inside(lattice.grid.shape);
+            crossing.give_way(steps(rim, inside))
+        }
+        _ => true,
+    });
+    for edge in edges {
+        let (low, axis) = (edge.low.map(|i| i64::from(i) - 1), edge.axis);
+        for (rim, (number, _)) in edge.rims.iter_mut().zip(&mut yielding).filter(|(_, (_, yields))| *yields) {
+            let mut corner = low;
+            corner[usize::from(axis)] += i64::from(rim.end);
+            rim.give_way(axis, steps(number, corner));
+        }
     }
     conflicts.iter().any(|conflict| movable(conflict).next().is_some())
 }

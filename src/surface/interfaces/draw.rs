@@ -153,7 +153,8 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
             settle(&mut embedding, &mut knots, Knot { vertex: number(*key), sources });
         }
         let crowded = rim::crowded(&embedding, &triangles, lattice.pitch * 1e3);
-        if crowded.is_empty() || !rim::refuse(&crowded, &mut gaps.edges, &mut gaps.rim_crossings) {
+        let drawn = (lattice, &embedding, &*triangles);
+        if crowded.is_empty() || !rim::make_room(&crowded, drawn, &mut gaps.edges, &mut gaps.rim_crossings) {
             break (embedding, knots);
         }
     };
