@@ -146,7 +146,7 @@ impl<'a> InverseMap<'a> {
         assert_eq!(displacements.len(), lattice.len(), "one displacement per particle");
         let mut gradient_at = vec![u32::MAX; lattice.len()];
         let mut gradients = Vec::new();
-        let mut displacements = Cow::Borrowed(displacements);
+        let mut drawn = Cow::Borrowed(displacements);
         // No deformation can be told from places that are no numbers.
         if displacements.par_iter().all(|u| u.iter().all(|x| x.is_finite())) {
             let border: Vec<u32> = (0..lattice.len() as u32)
@@ -156,14 +156,12 @@ impl<'a> InverseMap<'a> {
                     topology.alive()[p as usize] != whole
                 })
                 .collect();
-            if let Cow::Owned(steadied) = Hinged::find(lattice, topology).steadied(lattice, &displacements) {
-                displacements = Cow::Owned(steadied);
-            }
+            drawn = Hinged::find(lattice, topology).steadied(lattice, displacements);
             let (found, index) = Gradients::new(lattice, topology.alive(), &border);
-            gradients = found.evaluate(lattice, &displacements);
+            gradients = found.evaluate(lattice, &drawn);
             border.iter().zip(index).for_each(|(&particle, at)| gradient_at[particle as usize] = at);
         }
-        Self { lattice, topology, displacements, gradients, gradient_at, values: &[] }
+        Self { lattice, topology, displacements: drawn, gradients, gradient_at, values: &[] }
     }
 
     /// Carries a value of each particle along, linear in every tetrahedron and apart on both sides of a cut. Shape `[particles]`.

@@ -39,7 +39,7 @@ struct Hanging {
 }
 
 impl Hinged {
-    /// Finds them: O(severed springs).
+    /// Finds them: O(severed springs), and where there are any, a pass over all springs.
     pub(crate) fn find(lattice: &Lattice, topology: &Topology) -> Self {
         let alive = topology.alive();
         let hung = hung(lattice, topology);

@@ -13,21 +13,24 @@ pub(super) fn between(embedding: &Embedding, triangles: &[[u32; 3]], asked: &[bo
         Carrier::Rim { index } => Some(index),
         _ => None,
     };
+    let in_face = |vertex: u32| embedding.vertices[vertex as usize].shown_on() == Sheet::Seam;
     let is_asked = |vertex: &u32| rim_of(*vertex).is_some_and(|rim| asked[rim as usize]);
     let around: Vec<&[u32; 3]> = triangles.par_iter().filter(|triangle| triangle.iter().any(is_asked)).collect();
-    // Of every edge from an asked place to another of the rim: the sheets of the third corners.
-    let mut edges = CellMap::<[u32; 2], Vec<Sheet>>::default();
+    // Of every edge from an asked place to one that is not in the face of the cut: how many triangles it has, and how many of them have
+    // their third corner in that face.
+    let mut edges = CellMap::<[u32; 2], [u32; 2]>::default();
     for &&[a, b, c] in &around {
         for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b), (b, a, c), (c, b, a), (a, c, b)] {
-            if is_asked(&from) && rim_of(to).is_some() {
-                edges.entry([from, to]).or_default().push(embedding.vertices[third as usize].shown_on());
+            if is_asked(&from) && !in_face(to) {
+                let count = edges.entry([from, to]).or_default();
+                *count = [count[0] + 1, count[1] + u32::from(in_face(third))];
             }
         }
     }
-    // The rim runs where a triangle of the skin meets one of the face of the cut.
+    // The rim runs where the face of the cut ends.
     let mut beside = CellMap::<u32, Vec<u32>>::default();
-    for ([from, to], sheets) in edges {
-        if matches!(sheets[..], [Sheet::Skin, Sheet::Seam] | [Sheet::Seam, Sheet::Skin]) {
+    for ([from, to], count) in edges {
+        if count == [2, 1] {
             beside.entry(from).or_default().push(to);
         }
     }

@@ -186,6 +186,8 @@ fn sources(carrying: u8, particles: &[u32; 8], corner: usize) -> Vec<(u32, u32, 
 }
 
 /// Value of eight corners, x fastest, and its slopes along the three axes of the cell.
+// What is done for every vertex is compiled into the loop over them, though the ends of cuts need it too.
+#[inline(always)]
 fn trilinear(corners: &[[f32; 3]; 8], [x, y, z]: [f32; 3]) -> ([f32; 3], [[f32; 3]; 3]) {
     let mix = |a: [f32; 3], b: [f32; 3], t: f32| [0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis]));
     let less = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|axis| b[axis] - a[axis]);
@@ -199,6 +201,7 @@ fn trilinear(corners: &[[f32; 3]; 8], [x, y, z]: [f32; 3]) -> ([f32; 3], [[f32; 
 }
 
 /// A normal after a deformation of gradient F = 1 + (slopes) (index axes)^-1: the unit vector along cofactor(F) n.
+#[inline(always)]
 fn turn(normal: [f32; 3], slopes: &[[f32; 3]; 3], to_index: &[[f32; 3]; 3]) -> [f32; 3] {
     // Columns of F.
     let f: [[f32; 3]; 3] = std::array::from_fn(|column| {
