@@ -53,7 +53,15 @@ pub(crate) struct Vertex {
 impl Vertex {
     /// Where it lies for light and colour: a crossing of the skin that was drawn to the rim of a cut is on the rim.
     pub(crate) fn shown_on(&self) -> Sheet {
-        if matches!(self.carrier, Carrier::Rim { .. }) { Sheet::Rim } else { self.sheet }
+        if self.rim().is_some() { Sheet::Rim } else { self.sheet }
+    }
+
+    /// Index into [`Embedding::rims`], if a rim carries it.
+    pub(crate) fn rim(&self) -> Option<u32> {
+        match self.carrier {
+            Carrier::Rim { index } => Some(index),
+            _ => None,
+        }
     }
 }
 

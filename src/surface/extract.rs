@@ -7,7 +7,7 @@ use super::blade::Blades;
 use super::embed::{Carrier, Embedding, Front, Rim, Vertex};
 use super::gradient::Gradients;
 use super::hinged::Hinged;
-use super::junction::RimCrossing;
+use super::junction::{RimCrossing, signed};
 use super::marching_cubes::bits::InsideBits;
 use super::marching_cubes::sweep::{self, Crossing, Numbering};
 use super::mesh::TriangleMesh;
@@ -335,10 +335,6 @@ impl Crossings<'_> {
             at += 1;
         }
     }
-}
-
-fn signed(t: f32, upward: bool) -> f32 {
-    if upward { t } else { -t }
 }
 
 /// How many more times than others the places on the rim of a cut count in the centre of a loop.

@@ -136,7 +136,8 @@ impl RimCrossing {
     }
 }
 
-fn signed(t: f32, upward: bool) -> f32 {
+/// Steps along an axis that are counted upward or downward.
+pub(crate) fn signed(t: f32, upward: bool) -> f32 {
     if upward { t } else { -t }
 }
 

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::embed::{Carrier, Embedding, Vertex};
+use super::embed::{Embedding, Vertex};
 use super::junction::{RimCrossing, RimPlace};
 use super::normals::Sheet;
 use super::rim_line::between;
@@ -50,19 +50,19 @@ pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f
     let vertex = |number: u32| &embedding.vertices[number as usize];
     let flat = |triangle: &&[u32; 3]| -> bool {
         let corners = triangle.map(vertex);
-        corners.iter().any(|corner| rim_of(corner).is_some()) && area(corners) < SMALLEST * pitch_mm.powi(2)
+        corners.iter().any(|corner| corner.rim().is_some()) && area(corners) < SMALLEST * pitch_mm.powi(2)
     };
     let mut found: Vec<Conflict> = triangles
         .par_iter()
         .filter(flat)
-        .map(|triangle| Conflict::of(triangle.map(|corner| rim_of(vertex(corner)))))
+        .map(|triangle| Conflict::of(triangle.map(|corner| vertex(corner).rim())))
         .collect();
     found.extend(piercing(embedding, triangles, pitch_mm));
     let mut places = CellMap::<[u32; 3], &Vertex>::default();
-    for vertex in embedding.vertices.iter().filter(|vertex| vertex.sheet != Sheet::Skin || rim_of(vertex).is_some()) {
+    for vertex in embedding.vertices.iter().filter(|vertex| vertex.sheet != Sheet::Skin || vertex.rim().is_some()) {
         // As files hold it: what welds vertices by place must not join these.
         if let Some(other) = places.insert(vertex.rest.map(|c| (c as f32).to_bits()), vertex) {
-            found.push(Conflict::of([vertex, other].map(rim_of)));
+            found.push(Conflict::of([vertex, other].map(Vertex::rim)));
         }
     }
     found
@@ -112,13 +112,6 @@ pub(super) fn make_room(
     conflicts.iter().any(|conflict| movable(conflict).next().is_some())
 }
 
-fn rim_of(vertex: &Vertex) -> Option<u32> {
-    match vertex.carrier {
-        Carrier::Rim { index } => Some(index),
-        _ => None,
-    }
-}
-
 /// Area [mm^2] between places rounded as files hold them.
 fn area(corners: [&Vertex; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| Vector3::from(corner.rest.map(|c| f64::from(c as f32))));
@@ -128,7 +121,7 @@ fn area(corners: [&Vertex; 3]) -> f64 {
 /// Rims of triangles that pass through others: of an edge and a triangle without a common vertex, one of them at a rim.
 fn piercing(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f64) -> Vec<Conflict> {
     let at = |number: u32| Vector3::from(embedding.vertices[number as usize].rest);
-    let rim = |corner: &u32| rim_of(&embedding.vertices[*corner as usize]);
+    let rim = |corner: &u32| embedding.vertices[*corner as usize].rim();
     let at_rim = |corners: &[u32]| corners.iter().any(|corner| rim(corner).is_some());
     let place = |number: u32| at(number) / pitch_mm;
     let mut near = CellMap::<[i32; 3], Vec<u32>>::default();

@@ -2,17 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::embed::{Carrier, Embedding};
+use super::embed::Embedding;
 use super::normals::Sheet;
 use crate::geometry::CellMap;
 
 /// For some rims, by their numbers, the middle between the two places of the rim beside each, RAS+ \[mm\]; those without two such places
 /// have none.
 pub(super) fn between(embedding: &Embedding, triangles: &[[u32; 3]], asked: &[bool]) -> CellMap<u32, [f64; 3]> {
-    let rim_of = |vertex: u32| match embedding.vertices[vertex as usize].carrier {
-        Carrier::Rim { index } => Some(index),
-        _ => None,
-    };
+    let rim_of = |vertex: u32| embedding.vertices[vertex as usize].rim();
     let in_face = |vertex: u32| embedding.vertices[vertex as usize].shown_on() == Sheet::Seam;
     let is_asked = |vertex: &u32| rim_of(*vertex).is_some_and(|rim| asked[rim as usize]);
     let around: Vec<&[u32; 3]> = triangles.par_iter().filter(|triangle| triangle.iter().any(is_asked)).collect();
