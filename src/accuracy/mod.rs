@@ -15,7 +15,8 @@
 //! shorter steps tell what stepping costs (`steps`), and what a finer lattice changes tells the power of the pitch that the error
 //! follows (`space`). It goes on in short strides (`pitches`), as all lattices before the last cost together about as much as that one. Each run is judged by the coarser ones before it, or by one with other steps. All choices rest on counted
 //! steps, never on a clock, so that the same scene makes the same choices on every machine. It takes a finer lattice to know what a
-//! coarser one errs by: where that one turns out to keep the bound as well, this is told, for scenes like it.
+//! coarser one errs by: once a run is good enough, the coarser pitches that were passed over, which cost little beside it, are tried, and the
+//! coarsest that keeps the bound as well is told, for scenes like it.
 //!
 //! **When it fails.** Half-spaces and blades that take in other particles at each pitch, contact and borders drawn in voxels converge
 //! slowly or by leaps. When no lattice that can be paid for reaches the bound, the run is made at

@@ -59,6 +59,11 @@ impl Pitches {
         &self.all
     }
 
+    /// Those that any body may have, coarsest first, whether a box is whole there or not [mm].
+    pub(super) fn of_any_body(&self) -> impl Iterator<Item = f64> {
+        SHARES.iter().map(|share| share * self.own_mm)
+    }
+
     /// The smallest [mm].
     pub(super) fn finest(&self) -> f64 {
         self.all.last().copied().unwrap_or(self.own_mm)

@@ -9,7 +9,7 @@ use crate::dynamics::StepError;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::{Timeline, TimelineError};
 use crate::run::inputs::Inputs;
-use crate::run::prepare::PrepareError;
+use crate::run::prepare::{PrepareError, Prepared};
 use crate::scene::resolved::{Model, Scene, needs_plain_step};
 
 /// Steps are tried, and pitches chosen, on lattices with so many particles.
@@ -31,6 +31,10 @@ const KNOWN: usize = 3;
 const UNKNOWN: f64 = 0.4;
 /// Particles of a lattice that says of a much finer one what its error will be.
 const TRUSTED: f64 = 1000.0;
+/// A pitch so many times coarser costs a third: what saves less is not sought once a run is good enough.
+const WORTH_KNOWING: f64 = 1.3;
+/// A pitch whose error is so many times the bound by its law may happen to keep it.
+const HAPPENS: f64 = 5.0;
 /// Runs that are judged at most.
 const ROUNDS: usize = 12;
 /// Steps of a run that another is judged by, over its own.
@@ -260,7 +264,7 @@ impl<'a> Search<'a> {
         let known = self.levels.len() >= KNOWN;
         let ends_here = self.last.is_some() || self.pitches.below(pitch_mm, pitch_mm).is_none();
         if estimate.error() <= if known || ends_here { self.asked } else { UNKNOWN * self.asked } {
-            let enough = self.enough(&found, largest_mm);
+            let enough = self.enough(tell);
             return Ok(Verdict::Kept(estimate, enough));
         }
         if let Some(why) = self.last.take() {
@@ -293,17 +297,54 @@ impl<'a> Search<'a> {
         Ok(Verdict::Again(Some(estimate), choice))
     }
 
-    /// The coarsest of the lattices before whose error is within the bound too, now that it is known.
-    fn enough(&self, found: &PitchLaw, largest_mm: f64) -> Option<Choice> {
-        let (finest, before) = self.levels.split_last()?;
-        let finest_mm = found.error(finest.choice.pitch_mm).rms_mm;
-        let within = |level: &&Trial| {
-            let law = self.laws.iter().find(|law| law.method == level.choice.method);
-            let steps_mm = law.map_or(0.0, |law| law.error_mm(level.dt));
-            let seen_mm = level.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm);
-            seen_mm + finest_mm + steps_mm <= self.asked * largest_mm
-        };
-        before.iter().find(within).map(|level| level.choice)
+    /// The coarsest lattice whose error is within the bound too, now that it is known: of those before, and of those passed over, in a
+    /// stride or because a box is not whole there, which may happen to do.
+    fn enough(&mut self, tell: &mut dyn FnMut(&Told<'_>)) -> Option<Choice> {
+        let finest = self.levels.last()?;
+        let (finest, largest_mm) = (finest.choice, finest.largest_mm);
+        let law = pitch_law(&self.levels)?;
+        let known = self.coarsest_within();
+        let least = known.unwrap_or(finest);
+        let passed_over = self.pitches.of_any_body().filter(|pitch_mm| {
+            let not_run = self.levels.iter().all(|level| (level.choice.pitch_mm / pitch_mm - 1.0).abs() > 0.01);
+            not_run && *pitch_mm > WORTH_KNOWING * least.pitch_mm
+        });
+        let may_do = |pitch_mm: &f64| law.error(*pitch_mm).rms_mm < HAPPENS * self.asked * largest_mm;
+        for pitch_mm in passed_over.filter(may_do).collect::<Vec<_>>() {
+            let choice = Choice { pitch_mm, ..least };
+            let tells = |(_, prepared): (Scene, Prepared)| prepared.lattice.len() >= LEAST_COMPARED;
+            if !choice.prepare(self.scene, self.inputs).is_ok_and(tells) {
+                continue;
+            }
+            let Ok(trial) = self.run(choice, tell) else { continue };
+            if self.pitches.all().contains(&pitch_mm) {
+                // Whole there, it tells more of the errors of all.
+                let place = self.levels.partition_point(|level| level.choice.pitch_mm > pitch_mm);
+                self.levels.insert(place, trial);
+                let within = self.coarsest_within();
+                if within != known {
+                    return within;
+                }
+            } else if self.is_within(&trial) {
+                return Some(choice);
+            }
+        }
+        known
+    }
+
+    /// The coarsest of the lattices before the last that keep the bound.
+    fn coarsest_within(&self) -> Option<Choice> {
+        let (_, before) = self.levels.split_last()?;
+        before.iter().find(|level| self.is_within(level)).map(|level| level.choice)
+    }
+
+    /// Whether a coarser run keeps the bound, by the last.
+    fn is_within(&self, coarser: &Trial) -> bool {
+        let (Some(finest), Some(law)) = (self.levels.last(), pitch_law(&self.levels)) else { return false };
+        let steps = self.laws.iter().find(|law| law.method == coarser.choice.method);
+        let steps_mm = steps.map_or(0.0, |law| law.error_mm(coarser.dt));
+        let seen_mm = coarser.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm);
+        seen_mm + law.error(finest.choice.pitch_mm).rms_mm + steps_mm <= self.asked * finest.largest_mm
     }
 
     /// Where the scene names the pitch: by another run on the same lattice.
