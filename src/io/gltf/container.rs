@@ -1,9 +1,7 @@
 //! How a document lies in files: one GLB, or JSON (`.gltf`) with its buffer beside it (`.bin`).
 
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
-
-use tempfile::SpooledTempFile;
 
 use super::{CHUNK_BIN, CHUNK_JSON, MAGIC, VERSION};
 use crate::io::atomic;
@@ -30,11 +28,16 @@ impl Container {
         (self == Self::Separate).then(|| percent_encode(&name))
     }
 
-    /// Writes JSON and the first `bytes` of a spooled buffer. A buffer of its own appears before the JSON that names it.
-    pub(super) fn write(self, path: &Path, json: &[u8], mut buffer: SpooledTempFile, bytes: u64) -> io::Result<()> {
-        buffer.rewind()?;
+    /// Writes JSON and a buffer of `bytes` bytes, which `write` writes. A buffer of its own appears before the JSON that names it.
+    pub(super) fn write(
+        self,
+        path: &Path,
+        json: &[u8],
+        bytes: u64,
+        write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
+    ) -> io::Result<()> {
         if self == Self::Separate {
-            atomic::write_file(&path.with_extension("bin"), |out| io::copy(&mut buffer, out).map(drop))?;
+            atomic::write_file(&path.with_extension("bin"), |out| write(out))?;
             return atomic::write_file(path, |out| out.write_all(json));
         }
         let (json_length, bin_length) = (json.len().next_multiple_of(4), bytes.next_multiple_of(4));
@@ -49,8 +52,8 @@ impl Container {
             out.write_all(&b"   "[..json_length - json.len()])?;
             out.write_all(&bin_word.to_le_bytes())?;
             out.write_all(&CHUNK_BIN.to_le_bytes())?;
-            let copied = io::copy(&mut buffer, out)?;
-            out.write_all(&[0; 3][..(bin_length - copied) as usize])
+            write(out)?;
+            out.write_all(&[0; 3][..(bin_length - bytes) as usize])
         })
     }
 }

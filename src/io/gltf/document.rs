@@ -1,11 +1,11 @@
-//! A glTF document under construction: the JSON in memory, the buffer in memory too or, where it is long, in a nameless temporary file of
-//! the target folder.
+//! A glTF document under construction: the JSON in memory, the buffer where [`Buffer`] says.
 //!
-//! The buffer follows the JSON in a GLB, but the JSON is known last; so bytes are spooled and copied once at the end. The temporary file
-//! has no name, so nothing is left behind whatever happens.
+//! The buffer follows the JSON in a GLB, but the JSON is known last. What comes frame by frame is spooled and copied once at the end: in
+//! memory or, where it is long, in a nameless temporary file of the target folder, so that nothing is left behind whatever happens. What
+//! is there at once is gone through twice instead, for the JSON and for the bytes.
 
 use std::collections::BTreeMap;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -35,14 +35,24 @@ const LIMIT: u64 = u32::MAX as u64;
 const SHORT_INDICES: usize = 65_535;
 const SPACE: &str = r#"{"unit":"metre","axes":"+X patient left, +Y head, +Z front","patient_space":"RAS+ mm = (-1000 x, 1000 z, 1000 y)","attributes":"_LABEL, or extras.label of a mesh with but one; _DISPLACEMENT m, from rest; _HU HU; _STRAIN 1; _SPEED m/s"}"#;
 
+/// Where the bytes of the buffer go.
+enum Buffer<'a> {
+    /// To be copied into the file.
+    Spool(BufWriter<SpooledTempFile>),
+    /// Nowhere: they are counted.
+    Counted,
+    /// Into the file.
+    File(&'a mut (dyn Write + Send)),
+}
+
 /// See the module.
-pub(super) struct DocumentWriter {
+pub(super) struct DocumentWriter<'a> {
     path: PathBuf,
     container: Container,
     precision: Precision,
     root: Root,
-    spool: BufWriter<SpooledTempFile>,
-    /// Bytes spooled.
+    buffer: Buffer<'a>,
+    /// Bytes in it.
     bytes: u64,
     /// The most a file may hold; smaller in tests.
     limit: u64,
@@ -53,11 +63,30 @@ pub(super) struct DocumentWriter {
     origin: [f32; 3],
     /// The most organ meshes given at once, with triangles or not.
     offered: usize,
-    /// A write failed half-way: the spool cannot be trusted.
+    /// A write failed half-way: the buffer cannot be trusted.
     torn: bool,
 }
 
-impl DocumentWriter {
+/// Writes organ meshes that are all there: a node, a mesh and a material for each that has triangles.
+///
+/// # Errors
+/// As [`super::write_gltf`].
+pub(super) fn write_organs(path: &Path, organs: &[OrganMesh], precision: Precision) -> Result<(), WriteMeshError> {
+    let mut counted = DocumentWriter::new(path, precision, Buffer::Counted);
+    let nodes = counted.push_organs(organs, |organ| organ.name.clone())?;
+    let json = counted.json(nodes, None)?;
+    let write = |out: &mut (dyn Write + Send)| {
+        let written = DocumentWriter::new(path, precision, Buffer::File(out)).push_meshes(organs, |_| String::new());
+        written.map(drop)
+    };
+    counted.container.write(path, &json, counted.bytes, write).map_err(WriteMeshError::io(path))
+}
+
+impl DocumentWriter<'static> {
+    /// One that spools.
+    ///
+    /// # Errors
+    /// If the folder of `path` cannot be made.
     pub(super) fn create(path: &Path, precision: Precision) -> Result<Self, WriteMeshError> {
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -65,19 +94,24 @@ impl DocumentWriter {
         };
         atomic::make_folder(folder).map_err(WriteMeshError::io(path))?;
         let spool = tempfile::spooled_tempfile_in(IN_MEMORY, folder);
-        let spool = BufWriter::with_capacity(1 << 20, spool);
+        Ok(Self::new(path, precision, Buffer::Spool(BufWriter::with_capacity(1 << 20, spool))))
+    }
+}
+
+impl<'a> DocumentWriter<'a> {
+    fn new(path: &Path, precision: Precision, buffer: Buffer<'a>) -> Self {
         let mut root = Root::default();
         root.asset.generator = Some(format!("yawara {}", env!("CARGO_PKG_VERSION")));
         if precision == Precision::Quantized {
             root.extensions_used.push("KHR_mesh_quantization".to_owned());
             root.extensions_required.push("KHR_mesh_quantization".to_owned());
         }
-        Ok(Self {
+        Self {
             path: path.to_path_buf(),
             container: Container::of(path),
             precision,
             root,
-            spool,
+            buffer,
             bytes: 0,
             limit: LIMIT,
             indices: BTreeMap::new(),
@@ -85,7 +119,7 @@ impl DocumentWriter {
             origin: [0.0; 3],
             offered: 0,
             torn: false,
-        })
+        }
     }
 
     #[cfg(test)]
@@ -127,9 +161,17 @@ impl DocumentWriter {
         node_name: impl Fn(&OrganMesh) -> String,
     ) -> Result<Vec<Index<Node>>, WriteMeshError> {
         self.check(organs)?;
+        self.push_meshes(organs, node_name).map_err(|source| self.tear(source))
+    }
+
+    fn push_meshes(
+        &mut self,
+        organs: &[OrganMesh],
+        node_name: impl Fn(&OrganMesh) -> String,
+    ) -> io::Result<Vec<Index<Node>>> {
         let mut nodes = Vec::new();
         for organ in organs.iter().filter(|organ| !organ.mesh.triangles.is_empty()) {
-            let (mesh, placing) = self.push_mesh(organ).map_err(|source| self.tear(source))?;
+            let (mesh, placing) = self.push_mesh(organ)?;
             let mut node = node(node_name(organ), Some(mesh), None);
             if let Some(Placing { translation, scale }) = placing {
                 node.translation = Some(translation);
@@ -140,7 +182,7 @@ impl DocumentWriter {
         Ok(nodes)
     }
 
-    /// Remembers that the spool is not whole.
+    /// Remembers that the buffer is not whole.
     pub(super) fn tear(&mut self, source: io::Error) -> WriteMeshError {
         self.torn = true;
         WriteMeshError::Io { path: self.path.clone(), source }
@@ -254,7 +296,7 @@ impl DocumentWriter {
         Ok(self.root.push(accessor))
     }
 
-    /// Spools records at a multiple of four bytes, where every kind of number may begin.
+    /// Adds records, all of one size, at a multiple of four bytes, where every kind of number may begin.
     pub(super) fn view(
         &mut self,
         count: usize,
@@ -263,11 +305,19 @@ impl DocumentWriter {
         encode: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
     ) -> io::Result<Index<buffer::View>> {
         let padding = self.bytes.next_multiple_of(4) - self.bytes;
-        self.spool.write_all(&[0; 4][..padding as usize])?;
         let start = self.bytes + padding;
-        let mut counted = Counted { out: &mut self.spool, bytes: 0 };
-        write_records(&mut counted, count, &encode)?;
-        let length = counted.bytes;
+        let mut record = Vec::new();
+        encode(0..count.min(1), &mut record);
+        let length = (record.len() * count) as u64;
+        let out: Option<&mut (dyn Write + Send)> = match &mut self.buffer {
+            Buffer::Spool(spool) => Some(spool),
+            Buffer::Counted => None,
+            Buffer::File(out) => Some(out),
+        };
+        if let Some(out) = out {
+            out.write_all(&[0; 4][..padding as usize])?;
+            write_records(out, count, &encode)?;
+        }
         self.bytes = start + length;
         Ok(self.root.push(buffer::View {
             buffer: Index::new(0),
@@ -328,11 +378,23 @@ impl DocumentWriter {
         nodes: Vec<Index<Node>>,
         animation: Option<Animation>,
     ) -> Result<(), WriteMeshError> {
+        let json = self.json(nodes, animation)?;
+        let Self { path, buffer: Buffer::Spool(spool), bytes, container, .. } = self else { return Ok(()) };
+        let write = |out: &mut (dyn Write + Send)| {
+            let mut spool = spool.into_inner().map_err(io::IntoInnerError::into_error)?;
+            spool.rewind()?;
+            io::copy(&mut spool, out).map(drop)
+        };
+        container.write(&path, &json, bytes, write).map_err(WriteMeshError::io(&path))
+    }
+
+    /// The JSON of the whole: the scene's nodes, and the animation if there is one.
+    fn json(&mut self, nodes: Vec<Index<Node>>, animation: Option<Animation>) -> Result<Vec<u8>, WriteMeshError> {
         if self.torn {
-            return Err(WriteMeshError::Unfinished { path: self.path });
+            return Err(WriteMeshError::Unfinished { path: self.path.clone() });
         }
         if self.root.meshes.is_empty() {
-            return Err(WriteMeshError::Empty { path: self.path, organs: self.offered });
+            return Err(WriteMeshError::Empty { path: self.path.clone(), organs: self.offered });
         }
         self.root.animations.extend(animation);
         self.root.buffers.push(buffer(self.bytes, self.container.buffer_uri(&self.path)));
@@ -343,28 +405,7 @@ impl DocumentWriter {
         let json = self.root.to_vec().map_err(io::Error::from).map_err(WriteMeshError::io(&self.path))?;
         // Headers and padding of a GLB.
         self.check_size(json.len() as u64 + 40)?;
-        let Self { path, spool, bytes, container, .. } = self;
-        let write =
-            || container.write(&path, &json, spool.into_inner().map_err(io::IntoInnerError::into_error)?, bytes);
-        write().map_err(WriteMeshError::io(&path))
-    }
-}
-
-/// Counts what goes through.
-struct Counted<'a, W> {
-    out: &'a mut W,
-    bytes: u64,
-}
-
-impl<W: Write> Write for Counted<'_, W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.out.write(bytes)?;
-        self.bytes += written as u64;
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
+        Ok(json)
     }
 }
 

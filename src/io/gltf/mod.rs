@@ -56,9 +56,7 @@ fn from_gltf(direction: [f64; 3]) -> [f64; 3] {
 /// If the meshes are inconsistent, not finite or empty, exceed the 4 GiB a GLB can hold, or a file cannot be written.
 pub fn write_gltf(path: &Path, organs: &[OrganMesh], precision: Precision) -> Result<(), WriteMeshError> {
     check_organs(path, organs)?;
-    let mut writer = document::DocumentWriter::create(path, precision)?;
-    let nodes = writer.push_organs(organs, |organ| organ.name.clone())?;
-    writer.finish(nodes, None)
+    document::write_organs(path, organs, precision)
 }
 
 #[cfg(test)]

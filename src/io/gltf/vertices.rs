@@ -54,7 +54,7 @@ pub fn quantization_error_mm(organs: &[OrganMesh]) -> f64 {
     organs.iter().map(extent).fold(0.0, f64::max) / f64::from(STEPS) / 2.0
 }
 
-impl DocumentWriter {
+impl DocumentWriter<'_> {
     /// Adds the attributes a mesh has; positions relative to `origin`, glTF axes [m].
     pub(super) fn push_vertices(
         &mut self,
