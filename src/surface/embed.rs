@@ -53,7 +53,7 @@ pub(crate) struct Vertex {
 impl Vertex {
     /// Where it lies for light and colour: a crossing of the skin that was drawn to the rim of a cut is on the rim.
     pub(crate) fn shown_on(&self) -> Sheet {
-        if self.rim().is_some() { Sheet::Rim } else { self.sheet }
+        if self.sheet == Sheet::Skin && self.rim().is_some() { Sheet::Rim } else { self.sheet }
     }
 
     /// Index into [`Embedding::rims`], if a rim carries it.
@@ -84,6 +84,8 @@ pub(crate) struct Rim {
     pub(crate) gradient: u32,
     /// Along the edge to the outside.
     pub(crate) skin: Carrier,
+    /// Whether it lies where it would if nothing were known of blade and skin beyond its corner.
+    pub(crate) is_plain: bool,
 }
 
 /// The carriers of all vertices of a surface.

@@ -13,6 +13,7 @@ use super::marching_cubes::sweep::{self, Crossing, Numbering};
 use super::mesh::TriangleMesh;
 use super::normals::{Layers, Sheet, vertex_normals};
 use super::rim;
+use super::rim_edges;
 use super::seam::{Seam, SeamEdge, edge_key};
 use crate::lattice::{Lattice, NO_PARTICLE, Topology, neighbours};
 
@@ -27,6 +28,7 @@ pub struct Surface {
     triangles: Vec<[u32; 3]>,
     vertex_layers: Vec<u32>,
     triangle_layers: Vec<u32>,
+    turned: Vec<u32>,
     particles: usize,
 }
 
@@ -54,11 +56,12 @@ impl Surface {
         let blades = Blades::new(lattice, topology.severed());
         let mut seam = Seam::find(lattice, topology, &blades, &bits, field);
         let numbering = Numbering::new(&bits, &seam)?;
-        let drawn = sweep::triangles(&bits, &seam, &numbering, lattice.grid.affine.determinant() < 0.0)?;
+        let mut drawn = sweep::triangles(&bits, &seam, &numbering, lattice.grid.affine.determinant() < 0.0)?;
         let centres = seam.cells.iter().zip(&numbering.centres);
         let centres = centres.flat_map(|(cell, &first)| (first..).take(cell.patch.centres.len()));
         let loops = loops_of(centres, &drawn.triangles);
-        let embedding = loop {
+        let pitch_mm = lattice.pitch * 1e3;
+        let (mut embedding, crowded) = loop {
             let crossings =
                 Crossings { lattice, alive: topology.alive(), blades: &blades, rim_crossings: &seam.rim_crossings };
             let vertices = sweep::crossing_values(&bits, field, &numbering, |crossing| crossings.vertex(crossing));
@@ -67,17 +70,19 @@ impl Surface {
                 crossings.add_seam_edge(edge, first as usize, &mut embedding);
             }
             add_centres(&mut embedding, &loops);
-            let crowded = rim::crowded(&embedding, &drawn.triangles, lattice.pitch * 1e3);
-            let drawn = (lattice, &embedding, &*drawn.triangles);
-            if crowded.is_empty() || !rim::make_room(&crowded, drawn, &mut seam.edges, &mut seam.rim_crossings) {
-                break embedding;
+            let crowded = rim::crowded(&embedding, &drawn.triangles, pitch_mm);
+            let places = (lattice, &embedding, &*drawn.triangles);
+            if crowded.is_empty() || !rim::make_room(&crowded, places, &mut seam.edges, &mut seam.rim_crossings) {
+                break (embedding, crowded);
             }
         };
+        let turned = rim_edges::turn(&mut embedding, &mut drawn.triangles, |_, _| true, &crowded, pitch_mm);
         Ok(Self {
             embedding,
             triangles: drawn.triangles,
             vertex_layers: numbering.layers,
             triangle_layers: drawn.layers,
+            turned,
             particles: lattice.len(),
         })
     }
@@ -177,7 +182,7 @@ impl Surface {
     /// If there is not one place per vertex.
     pub fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
         assert_eq!(positions.len(), self.vertex_count(), "one place per vertex");
-        let layers = Layers { vertices: &self.vertex_layers, triangles: &self.triangle_layers };
+        let layers = Layers { vertices: &self.vertex_layers, triangles: &self.triangle_layers, turned: &self.turned };
         vertex_normals(positions, &self.triangles, layers, |vertex| self.embedding.vertices[vertex].shown_on())
     }
 
@@ -244,7 +249,16 @@ impl Crossings<'_> {
             let particle = self.particle(inside).unwrap_or(0);
             let [(_, lip), (across, step), (aside_axis, aside)] = rim.steps();
             let skin = self.carrier(particle, inside, across, step >= 0.0, step.abs());
-            Rim { lip_axis: axis as u8, lip, aside_axis: aside_axis as u8, aside, particle, gradient: NOT_YET, skin }
+            Rim {
+                lip_axis: axis as u8,
+                lip,
+                aside_axis: aside_axis as u8,
+                aside,
+                particle,
+                gradient: NOT_YET,
+                skin,
+                is_plain: false,
+            }
         };
         self.rim_crossings.iter().map(rim).collect()
     }
@@ -325,6 +339,7 @@ impl Crossings<'_> {
                 particle,
                 gradient: NOT_YET,
                 skin: self.carrier(particle, ijk, skin_axis, rim.skin_upward, rim.at[1]),
+                is_plain: rim.at == rim.plain,
             });
             embedding.vertices[at] = Vertex {
                 rest: self.place(ijk, &[(axis, lip), (skin_axis, skin), (aside_axis, rim.at[2])]),

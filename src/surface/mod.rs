@@ -28,6 +28,7 @@ mod marching_cubes;
 pub mod mesh;
 mod normals;
 mod rim;
+mod rim_edges;
 mod rim_line;
 mod seam;
 pub mod sharp_edges;

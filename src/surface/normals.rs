@@ -14,13 +14,15 @@ use rayon::prelude::*;
 use super::marching_cubes::sweep::split_layers;
 use crate::geometry::CellSet;
 
-/// Where the layers of a mesh begin: the triangles of layer `k` use the vertices of layers `k` and `k + 1` only.
+/// Where the layers of a mesh begin: the triangles of layer `k` use the vertices of layers `k` and `k + 1` only, but for a few.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layers<'a> {
     /// First vertex of each layer, and the end.
     pub(crate) vertices: &'a [u32],
     /// First triangle of each layer, and the end; one layer fewer than there are layers of vertices.
     pub(crate) triangles: &'a [u32],
+    /// Triangles that may use others, ascending.
+    pub(crate) turned: &'a [u32],
 }
 
 /// Which sheets of the surface a vertex belongs to: one bit for the skin, one for the faces of a cut.
@@ -66,12 +68,15 @@ pub(crate) fn vertex_normals(
         // Those of the border belong to the task before.
         let own = layers.triangles[first_layer.min(end_layer)] as usize;
         let mut on_rim = Vec::new();
-        for (number, triangle) in (from..to).zip(&triangles[from..to]) {
+        let elsewhere =
+            layers.turned.iter().map(|&number| number as usize).filter(|number| !(from..to).contains(number));
+        for number in (from..to).chain(elsewhere) {
+            let triangle = &triangles[number];
             let [a, b, c] = triangle.map(|v| positions[v as usize]);
             let normal = cross(sub(b, a), sub(c, a));
             let sheets = triangle.map(|v| sheet(v as usize));
             let [skin, seam] = [Sheet::Skin, Sheet::Seam].map(|kind| sheets.iter().filter(|&&s| s == kind).count());
-            if skin + seam < 3 && number >= own {
+            if skin + seam < 3 && (own..to).contains(&number) {
                 on_rim.push(*triangle);
             }
             for (&vertex, sheet) in triangle.iter().zip(sheets) {

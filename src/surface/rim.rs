@@ -18,7 +18,7 @@ use crate::lattice::Lattice;
 
 /// Smallest area of a triangle at a rim [squared pitches]: a tenth of that of the smallest one between crossings of the skin, which are
 /// kept clear of the ends of their edges.
-const SMALLEST: f64 = 2e-5;
+pub(super) const SMALLEST: f64 = 2e-5;
 
 /// Rims that crowd the surface together: of one triangle, of an edge and the triangle it passes through, or of one place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,7 +113,7 @@ pub(super) fn make_room(
 }
 
 /// Area [mm^2] between places rounded as files hold them.
-fn area(corners: [&Vertex; 3]) -> f64 {
+pub(super) fn area(corners: [&Vertex; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| Vector3::from(corner.rest.map(|c| f64::from(c as f32))));
     (b - a).cross(&(c - a)).norm() / 2.0
 }

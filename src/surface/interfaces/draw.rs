@@ -26,6 +26,7 @@ use crate::surface::marching_cubes::sweep::crossing_at;
 use crate::surface::marching_cubes::table::CASES;
 use crate::surface::normals::Sheet;
 use crate::surface::rim;
+use crate::surface::rim_edges;
 use crate::surface::seam::{edge_key, point_key, point_of_key};
 
 /// A vertex that follows others: number, and what it is the weighted mean of.
@@ -132,10 +133,11 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
         let [a, b, c] = corners.map(number);
         if flip { [a, c, b] } else { [a, b, c] }
     };
-    let triangles: Vec<[u32; 3]> = flat.par_iter().map(numbered).collect();
-    let sides = flat.iter().map(|triangle| triangle.1).collect();
+    let mut triangles: Vec<[u32; 3]> = flat.par_iter().map(numbered).collect();
+    let sides: Vec<[u8; 2]> = flat.iter().map(|triangle| triangle.1).collect();
 
-    let (embedding, knots) = loop {
+    let pitch_mm = lattice.pitch * 1e3;
+    let (mut embedding, knots, crowded) = loop {
         let scene = Scene { lattice, partition, bits: &bits, gaps: &gaps, padded: &padded };
         let crossings =
             Crossings { lattice, alive: topology.alive(), blades: &blades, rim_crossings: &gaps.rim_crossings };
@@ -152,12 +154,13 @@ pub(super) fn draw(lattice: &Lattice, topology: &Topology, partition: &Partition
             let sources = sources.iter().map(|&source| (number(source), weight)).collect();
             settle(&mut embedding, &mut knots, Knot { vertex: number(*key), sources });
         }
-        let crowded = rim::crowded(&embedding, &triangles, lattice.pitch * 1e3);
+        let crowded = rim::crowded(&embedding, &triangles, pitch_mm);
         let drawn = (lattice, &embedding, &*triangles);
         if crowded.is_empty() || !rim::make_room(&crowded, drawn, &mut gaps.edges, &mut gaps.rim_crossings) {
-            break (embedding, knots);
+            break (embedding, knots, crowded);
         }
     };
+    rim_edges::turn(&mut embedding, &mut triangles, |one, other| sides[one] == sides[other], &crowded, pitch_mm);
     let cones = layers.iter().flat_map(|layer| &layer.cones).map(|&key| number(key)).collect();
     Ok(Drawn { embedding, knots, triangles, sides, cones })
 }

@@ -177,6 +177,6 @@ fn sheet_of(bits: u8) -> Sheet {
 
 fn normals(mesh: &TriangleMesh, sheet: impl Fn(usize) -> Sheet + Sync) -> Vec<[f32; 3]> {
     let (vertices, triangles) = (mesh.positions.len() as u32, mesh.triangles.len() as u32);
-    let layers = Layers { vertices: &[0, vertices, vertices], triangles: &[0, triangles] };
+    let layers = Layers { vertices: &[0, vertices, vertices], triangles: &[0, triangles], turned: &[] };
     vertex_normals(&mesh.positions, &mesh.triangles, layers, sheet)
 }

@@ -76,7 +76,7 @@ pub(super) fn mesh(
         .sum();
     let triangles = drawn.triangles;
     if unset > 0 {
-        let layers = Layers { vertices: &numbering.layers, triangles: &drawn.layers };
+        let layers = Layers { vertices: &numbering.layers, triangles: &drawn.layers, turned: &[] };
         let around = vertex_normals(&positions, &triangles, layers, |_| Sheet::Skin);
         normals.par_iter_mut().zip(around).filter(|(normal, _)| **normal == [0.0; 3]).for_each(|(n, a)| *n = a);
     }
