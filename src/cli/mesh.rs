@@ -206,8 +206,7 @@ pub(super) fn write(
     let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>, Option<SharedRegions>)> {
         let (time, mut meshes) = frame(mesher, painter, number)?;
         if style.crisp {
-            let on_cut = mesher.on_cut();
-            meshes.par_iter_mut().zip(on_cut).for_each(|(organ, on_cut)| split_sharp_edges(&mut organ.mesh, &on_cut));
+            make_crisp(mesher, &mut meshes);
         }
         if style.precision == Precision::Quantized {
             error = error.max(quantization_error_mm(&meshes));
@@ -260,6 +259,12 @@ pub(super) fn write(
         ));
     }
     Ok(written)
+}
+
+/// Gives the rims of cuts and other sharp edges of a frame two normals.
+pub(super) fn make_crisp(mesher: &RunMesher, meshes: &mut [OrganMesh]) {
+    let on_cut = mesher.on_cut();
+    meshes.par_iter_mut().zip(on_cut).for_each(|(organ, on_cut)| split_sharp_edges(&mut organ.mesh, &on_cut));
 }
 
 /// - `regions`: what lies on the two sides of each mesh, where walls are shared.

@@ -6,7 +6,7 @@ use anyhow::bail;
 use image::{DynamicImage, RgbaImage};
 
 use super::exit::Outcome;
-use super::mesh::{frames_of, open};
+use super::mesh::{frames_of, make_crisp, open};
 use super::messages::{Messages, out};
 use super::paint::frame as painted;
 use super::pictures::{Pictures, delays, is_animation};
@@ -174,7 +174,11 @@ impl Subject {
 
     fn frame(&mut self, number: usize) -> anyhow::Result<Vec<OrganMesh>> {
         match self {
-            Self::Surfaces { mesher, painter } => Ok(painted(mesher, painter.as_deref(), number)?.1),
+            Self::Surfaces { mesher, painter } => {
+                let (_, mut meshes) = painted(mesher, painter.as_deref(), number)?;
+                make_crisp(mesher, &mut meshes);
+                Ok(meshes)
+            }
             Self::Voxels { reader, scene, organs } => {
                 let frame = reader.frame(number)?;
                 let voxels = |&organ: &usize| {

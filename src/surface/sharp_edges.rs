@@ -13,8 +13,8 @@ use super::normals::{cross, sub, unit};
 /// gave it that normal.
 pub(crate) const SHARP_EDGE: f32 = 0.682;
 
-/// The same on the faces of cuts, whose rims have the normal of the skin (20 degrees).
-const FACE_EDGE: f32 = 0.94;
+/// The same on the faces of cuts, whose rims have the normal of the skin (5 degrees).
+const FACE_EDGE: f32 = 0.996;
 
 /// A vertex where more surfaces meet than this keeps the last ones together.
 const MOST_SURFACES: usize = 4;
@@ -25,7 +25,7 @@ const NONE: u32 = u32::MAX;
 /// Doubles the vertices on the rims of cuts and on other sharp edges. The new ones follow after the others, with the same attributes and
 /// the normal of their triangles, weighted by area.
 ///
-/// An edge is sharp where triangles turn from the normal of a vertex by more than 47 degrees, 20 on the face of a cut. Triangles stay in
+/// An edge is sharp where triangles turn from the normal of a vertex by more than 47 degrees, 5 on the rim of a cut. Triangles stay in
 /// their order. A mesh without normals stays as it is.
 ///
 /// - `on_cut`: whether each vertex lies on a face of a cut, its rim included; empty when there is none.
@@ -47,12 +47,25 @@ pub fn split_sharp_edges(mesh: &mut TriangleMesh, on_cut: &[bool]) {
 fn split_rims(mesh: &mut TriangleMesh, on_cut: &[bool]) {
     let faces = mesh.triangles.iter().enumerate();
     let faces = faces.filter(|(_, triangle)| triangle.iter().all(|&vertex| on_cut[vertex as usize]));
-    let corners = faces.flat_map(|(number, triangle)| [0, 1, 2].map(|corner| (number, corner, triangle[corner])));
-    let turns = |&(number, _, vertex): &(usize, usize, u32)| {
-        let face = area_normal(mesh, &mesh.triangles[number]);
-        dot(mesh.normals[vertex as usize], face) < FACE_EDGE * dot(face, face).sqrt()
+    let faces: Vec<(usize, [f32; 3])> = faces.map(|(number, triangle)| (number, area_normal(mesh, triangle))).collect();
+    let mut sums = vec![[0.0_f32; 3]; on_cut.len()];
+    for &(number, face) in &faces {
+        for vertex in mesh.triangles[number] {
+            let sum = &mut sums[vertex as usize];
+            *sum = [0, 1, 2].map(|axis| sum[axis] + face[axis]);
+        }
+    }
+    let corners = faces
+        .iter()
+        .flat_map(|&(number, face)| [0, 1, 2].map(|corner| (number, corner, mesh.triangles[number][corner], face)));
+    let turns = |&(_, _, vertex, face): &(usize, usize, u32, [f32; 3])| {
+        let normal = mesh.normals[vertex as usize];
+        let turns_from = |other: [f32; 3]| dot(normal, other) < FACE_EDGE * dot(other, other).sqrt();
+        // Where the face itself bends, behind its rim, it is smooth.
+        turns_from(face) && turns_from(sums[vertex as usize])
     };
-    let corners: Vec<_> = corners.filter(turns).collect();
+    let corners = corners.filter(turns).map(|(number, corner, vertex, _)| (number, corner, vertex));
+    let corners: Vec<_> = corners.collect();
     double_corners(mesh, &corners);
 }
 
