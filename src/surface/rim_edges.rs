@@ -11,6 +11,9 @@ use super::normals::Sheet;
 use super::rim::{Conflict, SMALLEST, area, crowded};
 use crate::geometry::{CellMap, CellSet, Vector3};
 
+/// A place that may be on the rim lies in a pit when it is so far behind the edge that would pass it by [pitches].
+const PIT: f64 = 0.5;
+
 /// Two triangles whose common edge is turned.
 struct Turn {
     /// Their numbers.
@@ -97,6 +100,11 @@ fn turns(
     }
     let mut quads: Vec<_> = across.into_iter().filter(|(_, sides)| sides.len() == 2).collect();
     quads.sort_unstable_by_key(|(edge, _)| *edge);
+    let behind = |number: u32, edge: [u32; 2]| {
+        let [from, to] = edge.map(|end| Vector3::from(vertex(end).rest));
+        let way = to - from;
+        way.cross(&(Vector3::from(vertex(number).rest) - from)).norm() / way.norm()
+    };
     let [skins, faces] = [0, 1].map(|end| quads.iter().map(|(edge, _)| edge[end]).collect());
     let out_of_skin = normals_of(embedding, triangles, &skins, Part::Face);
     let out_of_face = normals_of(embedding, triangles, &faces, Part::Skin);
@@ -110,7 +118,8 @@ fn turns(
             let has_room = after.iter().all(|corners| area(corners.map(vertex)) > SMALLEST * pitch_mm.powi(2));
             let [above, below] = after.map(|corners| normal(corners.map(vertex)));
             let looks_out = above.dot(&out_of_skin[skin]) > 0.0 && below.dot(&out_of_face[face]) > 0.0;
-            (a != b && has_room && looks_out && alike(one, two)).then(|| {
+            let is_deep = part(*face) == Part::Face || behind(*face, [a, b]) > PIT * pitch_mm;
+            (a != b && has_room && looks_out && is_deep && alike(one, two)).then(|| {
                 let before = [triangles[one], triangles[two]];
                 Turn { numbers: [one, two], before, after, edge: [a.min(b), a.max(b)], face: *face }
             })

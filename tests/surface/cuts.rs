@@ -33,11 +33,11 @@ fn a_full_plane_gives_two_parts_that_add_up_and_survive_welding() {
         assert!(cut.passes(), "trial {trial}: {cut}");
         assert_eq!(cut.components.len(), 2, "trial {trial}");
         assert!(cut.components.iter().all(|part| part.euler == 2), "trial {trial}: {:?}", cut.components);
-        // The gap between the lips is 0.002 of a spring wide; the rest is where the rim's straight pieces lie off the staircase:
-        // a twentieth of a cell per cell along the rim.
+        // The gap between the lips is 0.002 of a spring wide; the rest is where the rim's straight pieces lie off the staircase, or reach
+        // over a step of it: a twentieth of a cell per cell along the rim inward, a fiftieth outward.
         let lost = whole.volume_mm3 - cut.volume_mm3;
         let rim = 2.0 * std::f64::consts::PI * 6.5;
-        assert!((-0.015 * rim..0.06 * rim).contains(&lost), "trial {trial}: {lost} of {}", whole.volume_mm3);
+        assert!((-0.02 * rim..0.06 * rim).contains(&lost), "trial {trial}: {lost} of {}", whole.volume_mm3);
         let welded = check(&weld(&soup(&mesh), 0.0));
         assert!(welded.passes() && welded.components.len() == 2, "trial {trial}: {welded}");
     });
