@@ -136,7 +136,8 @@ fn keeps_its_promise(cases: &[Case]) {
     for case in cases {
         let (scene, inputs) = load(case);
         let found = find(&scene, &inputs);
-        let error = error(&found.trial, &reference(&scene, &inputs, &found.trial));
+        let reference = reference(&scene, &inputs, &found.trial);
+        let error = error(&found.trial, &reference);
         let row = row(case, &found, error);
         println!("{row}");
         if found.kept {
@@ -146,7 +147,8 @@ fn keeps_its_promise(cases: &[Case]) {
         }
         if let Some(enough) = found.enough {
             let enough_run = run(enough, &scene, &inputs);
-            let error = self::error(&enough_run, &reference(&scene, &inputs, &enough_run));
+            // A part of its pitch may be one at which a box is not whole, and be no reference.
+            let error = self::error(&enough_run, &reference);
             println!("{:22} {enough} would have been enough: true {error:7.1e}", "");
             assert!(error <= 1.5 * case.accuracy, "{row}: {enough}: {error}");
         }
