@@ -325,7 +325,7 @@ impl<'a> Search<'a> {
                 if within != known {
                     return within;
                 }
-            } else if self.is_within(&trial) {
+            } else if self.finest_error_mm().is_some_and(|finest_mm| self.is_within(&trial, finest_mm)) {
                 return Some(choice);
             }
         }
@@ -334,17 +334,24 @@ impl<'a> Search<'a> {
 
     /// The coarsest of the lattices before the last that keep the bound.
     fn coarsest_within(&self) -> Option<Choice> {
+        let finest_mm = self.finest_error_mm()?;
         let (_, before) = self.levels.split_last()?;
-        before.iter().find(|level| self.is_within(level)).map(|level| level.choice)
+        before.iter().find(|level| self.is_within(level, finest_mm)).map(|level| level.choice)
     }
 
-    /// Whether a coarser run keeps the bound, by the last.
-    fn is_within(&self, coarser: &Trial) -> bool {
-        let (Some(finest), Some(law)) = (self.levels.last(), pitch_law(&self.levels)) else { return false };
+    /// The error of the last lattice's pitch [mm].
+    fn finest_error_mm(&self) -> Option<f64> {
+        let finest = self.levels.last()?;
+        Some(pitch_law(&self.levels)?.error(finest.choice.pitch_mm).rms_mm)
+    }
+
+    /// Whether a coarser run keeps the bound, by the last, whose own error is `finest_mm`.
+    fn is_within(&self, coarser: &Trial, finest_mm: f64) -> bool {
+        let Some(finest) = self.levels.last() else { return false };
         let steps = self.laws.iter().find(|law| law.method == coarser.choice.method);
         let steps_mm = steps.map_or(0.0, |law| law.error_mm(coarser.dt));
         let seen_mm = coarser.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm);
-        seen_mm + law.error(finest.choice.pitch_mm).rms_mm + steps_mm <= self.asked * finest.largest_mm
+        seen_mm + finest_mm + steps_mm <= self.asked * finest.largest_mm
     }
 
     /// Where the scene names the pitch: by another run on the same lattice.
