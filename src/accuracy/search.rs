@@ -1,7 +1,7 @@
 //! Which pitch, integrator and step keep a bound: probes, choices, and the judgement of runs.
 
 use super::pitches::Pitches;
-use super::space::pitch_law;
+use super::space::{self, pitch_law};
 use super::steps::{Law, better, error_mm, least_price, order};
 use super::trial::{Choice, Trial};
 use crate::deviation::pitch_law::PitchLaw;
@@ -303,13 +303,15 @@ impl<'a> Search<'a> {
         let finest = self.levels.last()?;
         let (finest, largest_mm) = (finest.choice, finest.largest_mm);
         let law = pitch_law(&self.levels)?;
-        let known = self.coarsest_within();
+        let known = self.coarsest_within(&[]);
         let least = known.unwrap_or(finest);
         let passed_over = self.pitches.of_any_body().filter(|pitch_mm| {
             let not_run = self.levels.iter().all(|level| (level.choice.pitch_mm / pitch_mm - 1.0).abs() > 0.01);
             not_run && *pitch_mm > WORTH_KNOWING * least.pitch_mm
         });
         let may_do = |pitch_mm: &f64| law.error(*pitch_mm).rms_mm < HAPPENS * self.asked * largest_mm;
+        // Runs of boxes that are not whole.
+        let mut in_parts = Vec::new();
         for pitch_mm in passed_over.filter(may_do).collect::<Vec<_>>() {
             let choice = Choice { pitch_mm, ..least };
             let tells = |(_, prepared): (Scene, Prepared)| prepared.lattice.len() >= LEAST_COMPARED;
@@ -321,37 +323,32 @@ impl<'a> Search<'a> {
                 // Whole there, it tells more of the errors of all.
                 let place = self.levels.partition_point(|level| level.choice.pitch_mm > pitch_mm);
                 self.levels.insert(place, trial);
-                let within = self.coarsest_within();
-                if within != known {
-                    return within;
-                }
-            } else if self.finest_error_mm().is_some_and(|finest_mm| self.is_within(&trial, finest_mm)) {
-                return Some(choice);
+            } else {
+                in_parts.push(trial);
+            }
+            let within = self.coarsest_within(&in_parts);
+            if within != known {
+                return within;
             }
         }
         known
     }
 
-    /// The coarsest of the lattices before the last that keep the bound.
-    fn coarsest_within(&self) -> Option<Choice> {
-        let finest_mm = self.finest_error_mm()?;
+    /// The coarsest that keeps the bound of the lattices before the last and of others.
+    fn coarsest_within(&self, others: &[Trial]) -> Option<Choice> {
+        let law = pitch_law(&self.levels)?;
         let (_, before) = self.levels.split_last()?;
-        before.iter().find(|level| self.is_within(level, finest_mm)).map(|level| level.choice)
+        let within = before.iter().chain(others).filter(|run| self.is_within(run, &law)).map(|run| run.choice);
+        within.max_by(|a, b| a.pitch_mm.total_cmp(&b.pitch_mm))
     }
 
-    /// The error of the last lattice's pitch [mm].
-    fn finest_error_mm(&self) -> Option<f64> {
-        let finest = self.levels.last()?;
-        Some(pitch_law(&self.levels)?.error(finest.choice.pitch_mm).rms_mm)
-    }
-
-    /// Whether a coarser run keeps the bound, by the last, whose own error is `finest_mm`.
-    fn is_within(&self, coarser: &Trial, finest_mm: f64) -> bool {
+    /// Whether a coarser run keeps the bound, by all lattices.
+    fn is_within(&self, coarser: &Trial, law: &PitchLaw) -> bool {
         let Some(finest) = self.levels.last() else { return false };
         let steps = self.laws.iter().find(|law| law.method == coarser.choice.method);
         let steps_mm = steps.map_or(0.0, |law| law.error_mm(coarser.dt));
-        let seen_mm = coarser.distance(finest).map_or(f64::INFINITY, |off| off.rms_mm);
-        seen_mm + finest_mm + steps_mm <= self.asked * finest.largest_mm
+        let pitch_mm = space::error_mm(coarser, &self.levels, law).unwrap_or(f64::INFINITY);
+        pitch_mm + steps_mm <= self.asked * finest.largest_mm
     }
 
     /// Where the scene names the pitch: by another run on the same lattice.

@@ -1,6 +1,6 @@
 //! One run of a scene with choices made, kept in memory to be compared.
 
-use crate::deviation::{Deviation, Judged};
+use crate::deviation::{Carrier, Deviation, Judged, Told};
 use crate::dynamics::World;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::Timeline;
@@ -160,11 +160,34 @@ impl Trial {
             if same {
                 self.judged.on_one_lattice(&found, &expected)
             } else {
-                let fine = (&other.lattice, &other.topology, &expected[..]);
-                self.judged.between_lattices((&self.lattice, &found), fine)
+                self.judged.between_lattices((&self.lattice, &found), other.carrier(&expected))
             }
         });
         instants.reduce(Deviation::worse).filter(|deviation| deviation.points > 0)
+    }
+
+    /// How far it is from the limit that finer runs tend to, at the worst instant ([`Judged::against_limit`]). `None` where nothing can be
+    /// compared.
+    pub(super) fn distance_from_limit(
+        &self,
+        finest: &Self,
+        coarser: &[(&Self, Told)],
+        unknown_mm: f64,
+    ) -> Option<Deviation> {
+        let frame = |trial: &Self, instant: usize| trial.frames[instant].iter().map(wide).collect::<Vec<_>>();
+        let instants = self.frames.len().min(finest.frames.len());
+        let deviations = (0..instants).map(|instant| {
+            let (found, expected) = (frame(self, instant), frame(finest, instant));
+            let moved: Vec<Vec<Vector3>> = coarser.iter().map(|(trial, _)| frame(trial, instant)).collect();
+            let carriers = coarser.iter().zip(&moved).map(|((trial, told), moved)| (trial.carrier(moved), *told));
+            let carriers: Vec<(Carrier<'_>, Told)> = carriers.collect();
+            self.judged.against_limit((&self.lattice, &found), finest.carrier(&expected), &carriers, unknown_mm)
+        });
+        deviations.reduce(Deviation::worse).filter(|deviation| deviation.points > 0)
+    }
+
+    fn carrier<'a>(&'a self, displacements: &'a [Vector3]) -> Carrier<'a> {
+        Carrier { lattice: &self.lattice, topology: &self.topology, displacements }
     }
 }
 

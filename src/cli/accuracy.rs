@@ -77,7 +77,7 @@ pub(super) fn simulate(
             Ok(None) => {}
             Ok(Some(enough)) => {
                 let line = format!(
-                    "accuracy: {enough} would have been enough, which only this run shows: lattice.pitch = {} will do for scenes like it",
+                    "accuracy: {enough} would have been enough, as far as this run can tell: lattice.pitch = {} should do for scenes like it",
                     enough.pitch_mm
                 );
                 tell(&mut recorded.recorder, messages, &line)?;

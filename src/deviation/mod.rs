@@ -106,29 +106,90 @@ impl Judged {
         self.deviation(distance)
     }
 
-    /// Deviation of a coarser lattice's particles from where a finer lattice carries their places at rest, trilinearly between the
-    /// eight particles of its cell there. Cells with a severed spring carry nothing: they lie on both sides of a cut.
+    /// Deviation of a coarser lattice's particles from where a finer one carries their places at rest.
     ///
     /// - `coarse`: the lattice whose particles these are, with their displacements \[mm\].
-    /// - `fine`: the other one in the same axes, with its springs and displacements \[mm\].
-    pub fn between_lattices(
-        &self,
-        (coarse, found): (&Lattice, &[Vector3]),
-        (fine, topology, expected): (&Lattice, &Topology, &[Vector3]),
-    ) -> Deviation {
+    /// - `fine`: the other one, in the same axes.
+    pub fn between_lattices(&self, (coarse, found): (&Lattice, &[Vector3]), fine: Carrier<'_>) -> Deviation {
         self.deviation(|particle| {
-            let (corners, weights) = host(fine, topology, coarse.rest_place(particle))?;
-            let carried: Vector3 = corners.iter().zip(weights).map(|(&c, weight)| expected[c as usize] * weight).sum();
-            Some((found[particle as usize] - carried).norm())
+            Some((found[particle as usize] - fine.displacement(coarse.rest_place(particle))?).norm())
         })
     }
 
-    /// Of the particles for which a distance is known.
+    /// Deviation from the limit of vanishing pitch, which is continued place by place from the finest of some runs through coarser
+    /// ones: what the finest is off by lies the same way as what they are off from it (Richardson). So an error that points against
+    /// that of the finest is not taken for larger than it is.
+    ///
+    /// - `coarse`: the lattice whose particles are judged, with their displacements \[mm\].
+    /// - `finest`, `coarser`: the runs, in the same axes, and what each of the latter tells.
+    /// - `unknown_mm`: the error of the finest where no coarser one carries a place: it may lie any way.
+    pub(crate) fn against_limit(
+        &self,
+        (coarse, found): (&Lattice, &[Vector3]),
+        finest: Carrier<'_>,
+        coarser: &[(Carrier<'_>, Told)],
+        unknown_mm: f64,
+    ) -> Deviation {
+        self.deviation(|particle| {
+            let place = coarse.rest_place(particle);
+            let there = finest.displacement(place)?;
+            let seen = found[particle as usize] - there;
+            let (mut error, mut square) = (Vector3::zeros(), 0.0);
+            let (mut weights, mut squared_weights) = (0.0, 0.0);
+            for (carrier, Told { weight, share }) in coarser {
+                let Some(moved) = carrier.displacement(place) else { continue };
+                let told = (moved - there) * *share;
+                error += told * *weight;
+                square += told.norm_squared() * weight;
+                weights += weight;
+                squared_weights += weight * weight;
+            }
+            if weights == 0.0 {
+                return Some(seen.norm() + unknown_mm);
+            }
+            error /= weights;
+            // What runs that disagree leave open, the standard error of their mean, may lie any way too.
+            let others = (weights * weights / squared_weights - 1.0).max(1.0);
+            let open = ((square / weights - error.norm_squared()).max(0.0) / others).sqrt();
+            Some((seen + error).norm() + open)
+        })
+    }
+
+    /// Of the particles for which a distance \[mm\] is known.
     fn deviation(&self, distance: impl Fn(u32) -> Option<f64> + Sync) -> Deviation {
         let judged = self.particles.par_iter().zip(&self.volumes);
         let found: Vec<_> = judged.filter_map(|(&particle, &volume)| Some((distance(particle)?, volume))).collect();
         let left_out = self.particles.len() - found.len();
         Deviation::of(found, left_out)
+    }
+}
+
+/// What a coarser run tells of the error of a finer one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Told {
+    /// What it is worth beside others.
+    pub(crate) weight: f64,
+    /// The error of the finer run over how far the coarser one is from it.
+    pub(crate) share: f64,
+}
+
+/// A lattice with the displacements of its particles, which carries places between them.
+#[derive(Debug, Clone, Copy)]
+pub struct Carrier<'a> {
+    /// Where particles are at rest.
+    pub lattice: &'a Lattice,
+    /// Its springs.
+    pub topology: &'a Topology,
+    /// \[mm\], shape `[particles]`.
+    pub displacements: &'a [Vector3],
+}
+
+impl Carrier<'_> {
+    /// Displacement of a place at rest \[mm\], trilinearly between the eight particles of its cell. `None` where no cell is whole:
+    /// one with a severed spring carries nothing, as it lies on both sides of a cut.
+    pub fn displacement(&self, place: Point3) -> Option<Vector3> {
+        let (corners, weights) = host(self.lattice, self.topology, place)?;
+        Some(corners.iter().zip(weights).map(|(&corner, weight)| self.displacements[corner as usize] * weight).sum())
     }
 }
 
@@ -193,14 +254,23 @@ mod tests {
         // Trilinear in every cell: compared in a field that is linear, with a twist that is bilinear along the axes.
         let linear = |p: Point3| Vector3::new(0.1 * p.x - 0.3 * p.y, 0.2 * p.z - 1.0, 0.05 * p.x);
         let [found, expected] = [displaced(&coarse, linear), displaced(&fine, linear)];
-        let same = all.between_lattices((&coarse, &found), (&fine, &whole, &expected));
+        let same = all.between_lattices(
+            (&coarse, &found),
+            Carrier { lattice: &fine, topology: &whole, displacements: &expected },
+        );
         assert!(same.max_mm < 1e-6 && same.left_out == 0 && same.points == coarse.len(), "{same:?}");
         let [found, expected] = [displaced(&coarse, by), displaced(&fine, by)];
-        let same = all.between_lattices((&coarse, &found), (&fine, &whole, &expected));
+        let same = all.between_lattices(
+            (&coarse, &found),
+            Carrier { lattice: &fine, topology: &whole, displacements: &expected },
+        );
         assert!(same.max_mm < 1e-6, "{same:?}");
         // A shift by (3, 4, 0) mm in one run.
         let shifted: Vec<Vector3> = found.iter().map(|u| u + Vector3::new(3.0, 4.0, 0.0)).collect();
-        let off = all.between_lattices((&coarse, &shifted), (&fine, &whole, &expected));
+        let off = all.between_lattices(
+            (&coarse, &shifted),
+            Carrier { lattice: &fine, topology: &whole, displacements: &expected },
+        );
         for value in [off.max_mm, off.most_mm, off.rms_mm] {
             assert!((value - 5.0).abs() < 1e-6, "{off:?}");
         }
@@ -215,8 +285,45 @@ mod tests {
         assert!(topology.sever(&fine, SeveredSpring { particle, direction, at: 0.5, time: 0.0 }));
         let all = all(&coarse);
         let [found, expected] = [&coarse, &fine].map(|lattice| displaced(lattice, |_| Vector3::zeros()));
-        let some = all.between_lattices((&coarse, &found), (&fine, &topology, &expected));
+        let some = all.between_lattices(
+            (&coarse, &found),
+            Carrier { lattice: &fine, topology: &topology, displacements: &expected },
+        );
         assert!(some.left_out > 0 && some.points + some.left_out == coarse.len(), "{some:?}");
+    }
+
+    #[test]
+    fn errors_that_point_against_each_other_do_not_add_up() {
+        let lattices = [6.0, 4.0, 3.0].map(cube);
+        let springs = lattices.each_ref().map(Topology::new);
+        // Of second order in the pitch, larger towards one face.
+        let error = |h: f64, p: Point3| Vector3::new(0.02 * h * h * p.x, 0.0, -0.01 * h * h);
+        let by = |p: Point3| Vector3::new(0.3 * p.y, 1.0, 0.1 * p.z);
+        let pitches = [6.0, 4.0, 3.0];
+        let moved: [Vec<Vector3>; 3] =
+            std::array::from_fn(|n| displaced(&lattices[n], |p| by(p) + error(pitches[n], p)));
+        let carrier =
+            |n: usize| Carrier { lattice: &lattices[n], topology: &springs[n], displacements: moved[n].as_slice() };
+        let told = |n: usize, order: f64| {
+            let power = (3.0 / pitches[n]).powf(order);
+            (carrier(n), Told { weight: (1.0 - power).powi(2), share: power / (1.0 - power) })
+        };
+        let (coarse, all) = (&lattices[0], all(&lattices[0]));
+        let limit = displaced(coarse, by);
+        let off = |found: &[Vector3], coarser: &[(Carrier<'_>, Told)]| {
+            all.against_limit((coarse, found), carrier(2), coarser, 0.4).rms_mm
+        };
+        for sign in [1.0, -1.0, 0.0] {
+            let found = displaced(coarse, |p| by(p) + error(6.0, p) * sign);
+            let truth = all.on_one_lattice(&found, &limit).rms_mm;
+            let known = off(&found, &[told(0, 2.0), told(1, 2.0)]);
+            assert!((known - truth).abs() < 1e-6, "{sign}: {known} for {truth}");
+            // By a wrong order the runs disagree, and what they leave open is added.
+            assert!(off(&found, &[told(0, 1.2), told(1, 1.2)]) > truth, "{sign}");
+            let unknown = all.between_lattices((coarse, &found), carrier(2)).rms_mm;
+            let added = off(&found, &[]);
+            assert!(added > unknown + 0.39 && added < unknown + 0.41 || sign == 0.0, "{sign}: {added} {unknown}");
+        }
     }
 
     #[test]

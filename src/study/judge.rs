@@ -21,7 +21,7 @@ use super::surface_distance::Measured;
 use super::surfaces::surface_of;
 use super::sweep::Study;
 use crate::deviation::pitch_law::PitchLaw;
-use crate::deviation::{Deviation, Sizes};
+use crate::deviation::{Carrier, Deviation, Sizes};
 use crate::run::meshes::Resolution;
 use crate::store::ReadRunError;
 
@@ -239,7 +239,7 @@ fn levels(references: &References) -> Result<Vec<Level>, ReadRunError> {
         let coarse = reference.track.lattice();
         let instants = reference.track.frames.iter().zip(&finest.track.frames);
         let distances = instants.map(|(found, expected)| {
-            let fine = (finest.track.lattice(), &topology, &expected[..]);
+            let fine = Carrier { lattice: finest.track.lattice(), topology: &topology, displacements: expected };
             reference.judged.between_lattices((coarse, found), fine)
         });
         Level {
