@@ -96,7 +96,7 @@ fn random_cut(trial: u64) -> (Lattice, Topology, Vec<f32>) {
 
 #[test]
 fn random_cut_lattices_stay_closed_manifolds() {
-    const TRIALS: u64 = 3000;
+    const TRIALS: u64 = 1200;
     let totals: Vec<[usize; 3]> = (0..TRIALS)
         .into_par_iter()
         .map(|trial| {
@@ -132,7 +132,7 @@ fn random_cut_lattices_stay_closed_manifolds() {
         .collect();
     let sum = |at: usize| totals.iter().map(|t| t[at]).sum::<usize>();
     eprintln!("{TRIALS} lattices, {} triangles, {} after eight cares, {} weld", sum(0), sum(1), sum(2));
-    assert!(sum(0) > 500_000 && sum(1) < 6 * sum(0) && sum(2) > TRIALS as usize * 9 / 10);
+    assert!(sum(0) > 200_000 && sum(1) < 6 * sum(0) && sum(2) > TRIALS as usize * 9 / 10);
 }
 
 fn two_halves() -> (Lattice, Topology) {
