@@ -43,15 +43,15 @@ fn outline_errors(normal: Vector3, offset: f64) -> Vec<f64> {
 
 #[test]
 fn faces_of_a_flat_cut_end_where_the_skin_does() {
-    // Across an axis of the grid, where the skin is shallow and where it is steep, without a tooth. Slanting, where blade and skin
-    // leave some places without room, with none and with few.
-    for (normal, offset, most, most_far) in [
-        (Vector3::x(), 0.4, 0.02, 0.0),
-        (Vector3::x(), 0.9, 0.02, 0.0),
-        (Vector3::x(), 5.1, 0.05, 0.0),
-        (Vector3::x(), -7.77, 0.08, 0.0),
-        (Vector3::new(1.0, 0.6, -0.3), 0.4, 0.02, 0.0),
-        (Vector3::new(0.1, 1.0, 0.2), -5.0, 0.18, 0.03),
+    // Across an axis of the grid, where the skin is shallow and where it is steep, and slanting, where blade and skin leave some
+    // places without room: without a tooth.
+    for (normal, offset, most) in [
+        (Vector3::x(), 0.4, 0.02),
+        (Vector3::x(), 0.9, 0.02),
+        (Vector3::x(), 5.1, 0.05),
+        (Vector3::x(), -7.77, 0.08),
+        (Vector3::new(1.0, 0.6, -0.3), 0.4, 0.02),
+        (Vector3::new(0.1, 1.0, 0.2), -5.0, 0.02),
     ] {
         let errors = outline_errors(normal, offset);
         let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
@@ -66,6 +66,6 @@ fn faces_of_a_flat_cut_end_where_the_skin_does() {
             100.0 * far
         );
         assert!(errors.len() > 200);
-        assert!(rms < most && far <= most_far, "teeth in the rim: {rms}, {far}");
+        assert!(rms < most && far == 0.0, "teeth in the rim: {rms}, {far}");
     }
 }

@@ -66,23 +66,33 @@ impl<'a> Hosts<'a> {
         (carrying != 0 && piece_of(self.topology, &particles, carrying) == carrying).then_some(Host { cell, carrying })
     }
 
-    /// Whether two hosts have nothing to do with each other: no corner that carries is in both, and no living spring joins one
-    /// of the first to one of the second.
-    pub(super) fn are_apart(&self, a: Host, b: Host) -> bool {
+    /// Whether springs have parted two hosts: no corner that carries is in both, and of the springs that joined one of the first to one of
+    /// the second at rest, there being any, none lives. Corners that no spring joined, at the border of the tissue, say nothing.
+    pub(super) fn are_parted(&self, a: Host, b: Host) -> bool {
         let carrying = |host: Host| {
             let corners = self.corners(host.cell);
             (0..8).filter(move |corner| host.carrying >> corner & 1 == 1).map(move |corner| corners[corner])
         };
-        carrying(a).all(|ours| {
+        let mut severed = false;
+        for ours in carrying(a) {
             let here = self.lattice.ijk(ours).map(|i| i as i32);
-            carrying(b).all(|theirs| {
+            for theirs in carrying(b) {
+                if ours == theirs {
+                    return false;
+                }
                 let there = self.lattice.ijk(theirs).map(|i| i as i32);
                 let offset = [0, 1, 2].map(|axis| there[axis] - here[axis]);
-                let near = ours != theirs && offset.iter().all(|step| step.abs() <= 1);
-                let joined = near && self.topology.alive()[ours as usize] >> direction_of(offset) & 1 == 1;
-                ours != theirs && !joined
-            })
-        })
+                if offset.iter().any(|step| step.abs() > 1) {
+                    continue;
+                }
+                let spring = 1 << direction_of(offset);
+                if self.topology.alive()[ours as usize] & spring != 0 {
+                    return false;
+                }
+                severed |= self.lattice.springs[ours as usize] & spring != 0;
+            }
+        }
+        severed
     }
 
     /// Particles of a cell's corners; [`crate::lattice::NO_PARTICLE`] where there is none.

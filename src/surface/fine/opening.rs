@@ -87,7 +87,7 @@ impl Opening {
                 let (particle, direction) =
                     if direction >= FIRST_FORWARD { (point, direction) } else { (other, opposite(direction)) };
                 let spring = SeveredSpring { particle, direction: direction as u8, at: 0.5, time: 0.0 };
-                (asked && hosts.are_apart(host, far)).then_some(spring)
+                (asked && hosts.are_parted(host, far)).then_some(spring)
             })
         });
         parted.par_extend(springs);
