@@ -1,4 +1,4 @@
-//! A glTF document under construction: the JSON in memory, the buffer where [`Buffer`] says.
+//! A glTF document under construction: the JSON in memory, the buffer where a [`Buffer`] takes it.
 //!
 //! The buffer follows the JSON in a GLB, but the JSON is known last. What comes frame by frame is spooled and copied once at the end: in
 //! memory or, where it is long, in a nameless temporary file of the target folder, so that nothing is left behind whatever happens. What
@@ -36,22 +36,43 @@ const SHORT_INDICES: usize = 65_535;
 const SPACE: &str = r#"{"unit":"metre","axes":"+X patient left, +Y head, +Z front","patient_space":"RAS+ mm = (-1000 x, 1000 z, 1000 y)","attributes":"_LABEL, or extras.label of a mesh with but one; _DISPLACEMENT m, from rest; _HU HU; _STRAIN 1; _SPEED m/s"}"#;
 
 /// Where the bytes of the buffer go.
-enum Buffer<'a> {
-    /// To be copied into the file.
-    Spool(BufWriter<SpooledTempFile>),
-    /// Nowhere: they are counted.
-    Counted,
-    /// Into the file.
-    File(&'a mut (dyn Write + Send)),
+pub(super) trait Buffer {
+    /// What takes them; `None` where they are only counted.
+    fn out(&mut self) -> Option<&mut (dyn Write + Send)>;
+}
+
+/// To be copied into the file.
+pub(super) struct Spool(BufWriter<SpooledTempFile>);
+
+impl Buffer for Spool {
+    fn out(&mut self) -> Option<&mut (dyn Write + Send)> {
+        Some(&mut self.0)
+    }
+}
+
+struct Counted;
+
+impl Buffer for Counted {
+    fn out(&mut self) -> Option<&mut (dyn Write + Send)> {
+        None
+    }
+}
+
+struct File<'a>(&'a mut (dyn Write + Send));
+
+impl Buffer for File<'_> {
+    fn out(&mut self) -> Option<&mut (dyn Write + Send)> {
+        Some(self.0)
+    }
 }
 
 /// See the module.
-pub(super) struct DocumentWriter<'a> {
+pub(super) struct DocumentWriter<B = Spool> {
     path: PathBuf,
     container: Container,
     precision: Precision,
     root: Root,
-    buffer: Buffer<'a>,
+    buffer: B,
     /// Bytes in it.
     bytes: u64,
     /// The most a file may hold; smaller in tests.
@@ -72,17 +93,17 @@ pub(super) struct DocumentWriter<'a> {
 /// # Errors
 /// As [`super::write_gltf`].
 pub(super) fn write_organs(path: &Path, organs: &[OrganMesh], precision: Precision) -> Result<(), WriteMeshError> {
-    let mut counted = DocumentWriter::new(path, precision, Buffer::Counted);
+    let mut counted = DocumentWriter::new(path, precision, Counted);
     let nodes = counted.push_organs(organs, |organ| organ.name.clone())?;
     let json = counted.json(nodes, None)?;
     let write = |out: &mut (dyn Write + Send)| {
-        let written = DocumentWriter::new(path, precision, Buffer::File(out)).push_meshes(organs, |_| String::new());
+        let written = DocumentWriter::new(path, precision, File(out)).push_meshes(organs, |_| String::new());
         written.map(drop)
     };
     counted.container.write(path, &json, counted.bytes, write).map_err(WriteMeshError::io(path))
 }
 
-impl DocumentWriter<'static> {
+impl DocumentWriter {
     /// One that spools.
     ///
     /// # Errors
@@ -94,12 +115,28 @@ impl DocumentWriter<'static> {
         };
         atomic::make_folder(folder).map_err(WriteMeshError::io(path))?;
         let spool = tempfile::spooled_tempfile_in(IN_MEMORY, folder);
-        Ok(Self::new(path, precision, Buffer::Spool(BufWriter::with_capacity(1 << 20, spool))))
+        Ok(Self::new(path, precision, Spool(BufWriter::with_capacity(1 << 20, spool))))
+    }
+
+    /// Writes the file: the scene's nodes, and the animation if there is one.
+    pub(super) fn finish(
+        mut self,
+        nodes: Vec<Index<Node>>,
+        animation: Option<Animation>,
+    ) -> Result<(), WriteMeshError> {
+        let json = self.json(nodes, animation)?;
+        let Self { path, buffer: Spool(spool), bytes, container, .. } = self;
+        let write = |out: &mut (dyn Write + Send)| {
+            let mut spool = spool.into_inner().map_err(io::IntoInnerError::into_error)?;
+            spool.rewind()?;
+            io::copy(&mut spool, out).map(drop)
+        };
+        container.write(&path, &json, bytes, write).map_err(WriteMeshError::io(&path))
     }
 }
 
-impl<'a> DocumentWriter<'a> {
-    fn new(path: &Path, precision: Precision, buffer: Buffer<'a>) -> Self {
+impl<B: Buffer> DocumentWriter<B> {
+    fn new(path: &Path, precision: Precision, buffer: B) -> Self {
         let mut root = Root::default();
         root.asset.generator = Some(format!("yawara {}", env!("CARGO_PKG_VERSION")));
         if precision == Precision::Quantized {
@@ -309,12 +346,7 @@ impl<'a> DocumentWriter<'a> {
         let mut record = Vec::new();
         encode(0..count.min(1), &mut record);
         let length = (record.len() * count) as u64;
-        let out: Option<&mut (dyn Write + Send)> = match &mut self.buffer {
-            Buffer::Spool(spool) => Some(spool),
-            Buffer::Counted => None,
-            Buffer::File(out) => Some(out),
-        };
-        if let Some(out) = out {
+        if let Some(out) = self.buffer.out() {
             out.write_all(&[0; 4][..padding as usize])?;
             write_records(out, count, &encode)?;
         }
@@ -370,22 +402,6 @@ impl<'a> DocumentWriter<'a> {
             })?;
             Ok(document.root.push(accessor(view, ComponentType::F32, Type::Vec3, scales.len())))
         })
-    }
-
-    /// Writes the file: the scene's nodes, and the animation if there is one.
-    pub(super) fn finish(
-        mut self,
-        nodes: Vec<Index<Node>>,
-        animation: Option<Animation>,
-    ) -> Result<(), WriteMeshError> {
-        let json = self.json(nodes, animation)?;
-        let Self { path, buffer: Buffer::Spool(spool), bytes, container, .. } = self else { return Ok(()) };
-        let write = |out: &mut (dyn Write + Send)| {
-            let mut spool = spool.into_inner().map_err(io::IntoInnerError::into_error)?;
-            spool.rewind()?;
-            io::copy(&mut spool, out).map(drop)
-        };
-        container.write(&path, &json, bytes, write).map_err(WriteMeshError::io(&path))
     }
 
     /// The JSON of the whole: the scene's nodes, and the animation if there is one.

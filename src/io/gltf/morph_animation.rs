@@ -31,7 +31,7 @@ const MOST_TARGETS: usize = 63;
 /// Memory holds one copy of each organ's first mesh of its epoch and the JSON (about 1 kB per frame and organ), not the frames.
 /// The last frame is shown as long as the one before.
 pub struct MorphAnimationWriter {
-    document: DocumentWriter<'static>,
+    document: DocumentWriter,
     times: Vec<f64>,
     /// What each organ is shown by now.
     current: BTreeMap<String, Current>,

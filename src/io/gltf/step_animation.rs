@@ -15,7 +15,7 @@ use crate::surface::mesh::OrganMesh;
 /// An organ's triangles are stored again only when they changed since its last frame. Each frame is shown from its time to
 /// the next frame's; the last as long as the one before.
 pub struct StepAnimationWriter {
-    document: DocumentWriter<'static>,
+    document: DocumentWriter,
     frames: Vec<Frame>,
     /// Middle of the first frame, glTF axes [m]. Hidden frames shrink to this place; at the file's origin, often far outside the
     /// body, they would make viewers that look at bounds show the body small and aside.

@@ -15,7 +15,7 @@ use gltf_json::validation::Checked::{self, Valid};
 use gltf_json::{Accessor, Index};
 use rayon::prelude::*;
 
-use super::document::{DocumentWriter, accessor};
+use super::document::{Buffer, DocumentWriter, accessor};
 use super::to_gltf;
 use crate::io::encode::push_f32;
 use crate::surface::mesh::{OrganMesh, TriangleMesh};
@@ -54,7 +54,7 @@ pub fn quantization_error_mm(organs: &[OrganMesh]) -> f64 {
     organs.iter().map(extent).fold(0.0, f64::max) / f64::from(STEPS) / 2.0
 }
 
-impl DocumentWriter<'_> {
+impl<B: Buffer> DocumentWriter<B> {
     /// Adds the attributes a mesh has; positions relative to `origin`, glTF axes [m].
     pub(super) fn push_vertices(
         &mut self,
