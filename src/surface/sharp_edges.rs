@@ -224,4 +224,23 @@ mod tests {
         let face = area_normal(&roof, &roof.triangles[0]);
         assert_eq!(roof.normals[5..], [unit(face); 3]);
     }
+    #[test]
+    fn a_face_that_bends_is_smooth_behind_its_rim() {
+        let face = TriangleMesh {
+            positions: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.5, 0.5, 0.3]],
+            triangles: vec![[0, 1, 3], [1, 2, 3], [2, 0, 3]],
+            // That of the top is the mean of the triangles round it, each of which turns from it by more than 20 degrees.
+            normals: vec![[0.0, 0.0, 1.0]; 4],
+            ..TriangleMesh::default()
+        };
+        let tops = |normal: [f32; 3]| {
+            let mut mesh = face.clone();
+            mesh.normals[3] = unit(normal);
+            split_sharp_edges(&mut mesh, &[true; 4]);
+            mesh.triangles.iter().map(|triangle| triangle[2]).collect::<Vec<_>>()
+        };
+        assert_eq!(tops([0.0, 0.0, 1.0]), [3, 3, 3]);
+        // A normal that is not its own is that of the skin.
+        assert!(tops([0.3, 0.0, 1.0]).iter().all(|&top| top > 3));
+    }
 }
