@@ -33,6 +33,12 @@ pub(super) fn mesh(arguments: &MeshArguments, messages: &Messages) -> anyhow::Re
 
 fn write_surfaces(arguments: &MeshArguments, messages: &Messages) -> anyhow::Result<Vec<PathBuf>> {
     let style = Style::of(arguments)?;
+    if matches!(style.format, MeshFormat::Stl | MeshFormat::StlAscii) && arguments.paint.asks() {
+        bail!(
+            "{}: STL holds no colours and no attributes; --color, --detail and --attributes are for other formats",
+            arguments.output.display()
+        );
+    }
     let mut mesher = mesher(&arguments.run, &arguments.organ, &arguments.surface.options(), messages)?;
     let frames = frames(arguments.frame, mesher.reader())?;
     let output = MeshOutput::new(&arguments.output, style.format.animates(), frames.len())?;
@@ -203,8 +209,12 @@ pub(super) fn write(
     let last = mesher.reader().frames().saturating_sub(1);
     // How far quantised vertices lie from their place [mm].
     let mut error = 0.0_f64;
+    let mut unreached = mesher.care().triangles;
     let mut next = |number: usize| -> anyhow::Result<(f64, Vec<OrganMesh>, Option<SharedRegions>)> {
         let (time, mut meshes) = frame(mesher, painter, number)?;
+        if let Some(asked) = unreached.take() {
+            tell_unreached(asked, &meshes, messages);
+        }
         if style.crisp {
             make_crisp(mesher, &mut meshes);
         }
@@ -259,6 +269,17 @@ pub(super) fn write(
         ));
     }
     Ok(written)
+}
+
+/// Says which organs kept more triangles than they were to be decimated to.
+fn tell_unreached(asked: usize, meshes: &[OrganMesh], messages: &Messages) {
+    for organ in meshes.iter().filter(|organ| organ.mesh.triangles.len() > asked + asked / 10) {
+        messages.warning(format_args!(
+            "organ `{}` has {} triangles, not the {asked} asked for: without more of its edges it would open or fold",
+            organ.name,
+            organ.mesh.triangles.len()
+        ));
+    }
 }
 
 /// Gives the rims of cuts and other sharp edges of a frame two normals.

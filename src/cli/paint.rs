@@ -33,15 +33,20 @@ pub(super) struct PaintArguments {
 }
 
 impl PaintArguments {
+    /// Whether anything is asked for.
+    pub(super) fn asks(&self) -> bool {
+        self.color.is_some() || self.detail > 0.0 || !self.attributes.is_empty()
+    }
+
     /// What paints the meshes of a run; `None` when nothing is asked for.
     pub(super) fn painter(&self, mesher: &RunMesher, messages: &Messages) -> anyhow::Result<Option<Painter>> {
+        if !self.asks() {
+            return Ok(None);
+        }
         let has = |name: &str| self.attributes.iter().any(|attribute| attribute == name);
         let attributes = Attributes { hu: has("hu"), strain: has("strain"), speed: has("speed") };
         // Detail without anything to paint is painted on the organ's colour.
         let by = self.color.or((self.detail > 0.0).then_some(ColorBy::Organ));
-        if by.is_none() && attributes == Attributes::default() {
-            return Ok(None);
-        }
         let options = PaintOptions { by, range: self.range, colormap: self.colormap, detail: self.detail, attributes };
         let painter = Painter::new(mesher.reader(), mesher.scene(), options)?;
         if let Some(legend) = painter.legend() {

@@ -26,7 +26,7 @@ pub(super) struct SurfaceArguments {
     #[arg(long)]
     tidy: bool,
     /// Decimate each organ to about this many triangles; the surface stays closed, and the lips of cuts stay apart.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = triangles)]
     triangles: Option<usize>,
     /// Decimate each organ as far as it stays within this distance of its full surface, at rest [mm].
     #[arg(long, value_name = "MM", value_parser = length)]
@@ -89,6 +89,13 @@ fn resolution(text: &str) -> Result<Resolution, String> {
         number => length(number)
             .map(Resolution::Spacing)
             .map_err(|_| "expected `volume`, `lattice` or a length in mm above 0".to_owned()),
+    }
+}
+
+fn triangles(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if count >= 4 => Ok(count),
+        _ => Err("expected a whole number from 4, the least that close a surface".to_owned()),
     }
 }
 

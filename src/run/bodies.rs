@@ -49,6 +49,14 @@ pub enum BodyError {
     /// The spacing asked for cannot be had.
     #[error("spacing of the surface: {0}")]
     Spacing(#[from] ResampleError),
+    /// The points of its surface are so far apart that they miss an organ.
+    #[error("organ `{organ}`: of points {spacing_mm} mm apart none lies in it; ask for a finer surface")]
+    TooCoarse {
+        /// The organ.
+        organ: String,
+        /// Distance of the points \[mm\].
+        spacing_mm: f64,
+    },
     /// Nothing is left of an organ.
     #[error("organ `{organ}`: {source}")]
     Body {
@@ -103,7 +111,7 @@ impl Bodies {
             let field = CtVolume::from_vec(*organs.grid(), field);
             (0..grid.shape.len()).into_par_iter().map(|point| field.sample_cubic(grid.place(point), -1.0)).collect()
         };
-        Body::new(grid, values).map_err(|source| BodyError::Body { organ: scene.organs[organ].name.clone(), source })
+        Body::new(grid, values).map_err(|source| missed(scene, organ, spacing, source))
     }
 
     /// All organs on one grid, sampled at a spacing \[mm\]: their walls lie where two fields are equal.
@@ -184,7 +192,7 @@ impl Bodies {
         let ends = |list: Vec<std::ops::Range<usize>>| [0, 1, 2].map(|axis| list[axis].clone());
         let partition = Partition::new(grid.shape, fields, full);
         let partition = partition.ended(ends(within), [beyond[0], beyond[1], beyond[2]]);
-        MultiBody::new(grid, &partition).map_err(|source| nothing(0, source))
+        MultiBody::new(grid, &partition).map_err(|source| missed(scene, 0, spacing, source))
     }
 
     /// The field of an organ at the voxels around it.
@@ -212,6 +220,15 @@ impl Bodies {
             }
         };
         Ok(Drawn { part, organs, field })
+    }
+}
+
+/// Why no point of an organ's surface lies in it: the organ has voxels, so the points are too far apart.
+fn missed(scene: &Scene, organ: usize, spacing_mm: f64, source: BuildLatticeError) -> BodyError {
+    let organ = scene.organs[organ].name.clone();
+    match source {
+        BuildLatticeError::Empty => BodyError::TooCoarse { organ, spacing_mm },
+        source => BodyError::Body { organ, source },
     }
 }
 

@@ -159,6 +159,11 @@ impl OrganSurface {
 }
 
 impl RunMesher {
+    /// What is done to the triangles of each organ.
+    pub fn care(&self) -> MeshCare {
+        self.care
+    }
+
     /// Prepares the meshes of some organs of a run, or of all when none is named.
     ///
     /// # Errors

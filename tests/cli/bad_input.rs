@@ -102,6 +102,13 @@ fn scenes_that_make_no_sense() {
 }
 
 #[test]
+fn triangles_that_cannot_go_are_a_warning() {
+    let folder = Folder::with_run();
+    let answer = folder.yawara(&["mesh", "run", "-o", "few.ply", "--triangles", "4"]);
+    answer.done().says(&["warning: organ `cube` has", "triangles, not the 4 asked for"]);
+}
+
+#[test]
 fn a_blade_that_misses_is_a_warning() {
     let folder = Folder::new();
     folder.write("cube.toml", CUBE.replace("path = [[0, 0, 40], [0, 0, 0]]", "path = [[0, 0, 90], [0, 0, 50]]"));
@@ -169,6 +176,10 @@ fn requests_a_run_cannot_answer() {
     mesh("a.ply", &["--ascii"]).refused(&["PLY is written in one way", "only STL"]);
     mesh("a.stl", &["--quantize"]).refused(&["a.stl: --quantize is for .glb and .gltf"]);
     mesh("a.stl", &["--crisp"]).refused(&["a.stl: STL has no normals", "--crisp"]);
+    mesh("a.stl", &["--color", "displacement"]).refused(&["a.stl: STL holds no colours", "--color"]);
+    mesh("a.stl", &["--attributes", "strain"]).refused(&["a.stl: STL holds no colours", "--attributes"]);
+    mesh("a.ply", &["--triangles", "3"]).refused(&["'3'", "--triangles", "from 4"]);
+    mesh("a.ply", &["--resolution", "500"]).refused(&["`cube`", "500 mm apart", "finer"]);
     mesh("a.glb", &["--crisp", "--animation", "morph", "--frame", "all"]).refused(&["same vertices", "--crisp"]);
     mesh("a.glb", &["--animation", "morph"])
         .refused(&["a.glb: --animation morph is for several frames", "--frame all"]);
