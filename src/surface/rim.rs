@@ -61,7 +61,7 @@ pub(super) fn crowded(embedding: &Embedding, triangles: &[[u32; 3]], pitch_mm: f
     let mut places = CellMap::<[u32; 3], &Vertex>::default();
     for vertex in embedding.vertices.iter().filter(|vertex| vertex.sheet != Sheet::Skin || vertex.rim().is_some()) {
         // As files hold it: what welds vertices by place must not join these.
-        if let Some(other) = places.insert(vertex.rest.map(|c| (c as f32).to_bits()), vertex) {
+        if let Some(other) = places.insert(vertex.rest.map(|c| (c as f32 + 0.0).to_bits()), vertex) {
             found.push(Conflict::of([vertex, other].map(Vertex::rim)));
         }
     }

@@ -110,6 +110,8 @@ impl Opening {
         let within = cells.par_iter().flat_map_iter(|&cell| points_in(cell, fine, frame));
         let mut found: Vec<(u32, Host)> = within.chain(strays).map(|point| (point, hosts.host(place(point)))).collect();
         found.par_sort_unstable_by_key(|entry| entry.0);
+        // The blade may have reached both a stray's own cell and the one that carries it.
+        found.dedup_by_key(|entry| entry.0);
         found
     }
 }
