@@ -3,7 +3,7 @@
 
 use super::trial::Trial;
 use crate::deviation::pitch_law::PitchLaw;
-use crate::deviation::{Deviation, Told};
+use crate::deviation::{Deviation, Witness};
 
 /// Lattices so many times coarser than the finest are too coarse to show how errors fall here.
 const COMPARED: f64 = 3.1;
@@ -34,9 +34,9 @@ pub(super) fn error_mm(run: &Trial, runs: &[Trial], law: &PitchLaw) -> Option<f6
     let told = compared(runs).map(|coarser| {
         let power = (finest_mm / coarser.choice.pitch_mm).powf(order);
         // As for the law itself, a pitch near the finest says little.
-        (coarser, Told { weight: (1.0 - power).powi(2), share: power / (1.0 - power) })
+        (coarser, Witness { weight: (1.0 - power).powi(2), share: power / (1.0 - power) })
     });
-    let told: Vec<(&Trial, Told)> = told.collect();
+    let told: Vec<(&Trial, Witness)> = told.collect();
     Some(run.distance_from_limit(finest, &told, law.error(finest_mm).rms_mm)?.rms_mm)
 }
 

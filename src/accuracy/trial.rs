@@ -1,6 +1,6 @@
 //! One run of a scene with choices made, kept in memory to be compared.
 
-use crate::deviation::{Carrier, Deviation, Judged, Told};
+use crate::deviation::{Carrier, Deviation, Judged, Witness};
 use crate::dynamics::World;
 use crate::dynamics::integrator::Method;
 use crate::dynamics::timeline::Timeline;
@@ -171,7 +171,7 @@ impl Trial {
     pub(super) fn distance_from_limit(
         &self,
         finest: &Self,
-        coarser: &[(&Self, Told)],
+        coarser: &[(&Self, Witness)],
         unknown_mm: f64,
     ) -> Option<Deviation> {
         let frame = |trial: &Self, instant: usize| trial.frames[instant].iter().map(wide).collect::<Vec<_>>();
@@ -180,7 +180,7 @@ impl Trial {
             let (found, expected) = (frame(self, instant), frame(finest, instant));
             let moved: Vec<Vec<Vector3>> = coarser.iter().map(|(trial, _)| frame(trial, instant)).collect();
             let carriers = coarser.iter().zip(&moved).map(|((trial, told), moved)| (trial.carrier(moved), *told));
-            let carriers: Vec<(Carrier<'_>, Told)> = carriers.collect();
+            let carriers: Vec<(Carrier<'_>, Witness)> = carriers.collect();
             self.judged.against_limit((&self.lattice, &found), finest.carrier(&expected), &carriers, unknown_mm)
         });
         deviations.reduce(Deviation::worse).filter(|deviation| deviation.points > 0)

@@ -127,7 +127,7 @@ impl Judged {
         &self,
         (coarse, found): (&Lattice, &[Vector3]),
         finest: Carrier<'_>,
-        coarser: &[(Carrier<'_>, Told)],
+        coarser: &[(Carrier<'_>, Witness)],
         unknown_mm: f64,
     ) -> Deviation {
         self.deviation(|particle| {
@@ -136,7 +136,7 @@ impl Judged {
             let seen = found[particle as usize] - there;
             let (mut error, mut square) = (Vector3::zeros(), 0.0);
             let (mut weights, mut squared_weights) = (0.0, 0.0);
-            for (carrier, Told { weight, share }) in coarser {
+            for (carrier, Witness { weight, share }) in coarser {
                 let Some(moved) = carrier.displacement(place) else { continue };
                 let told = (moved - there) * *share;
                 error += told * *weight;
@@ -166,7 +166,7 @@ impl Judged {
 
 /// What a coarser run tells of the error of a finer one.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Told {
+pub(crate) struct Witness {
     /// What it is worth beside others.
     pub(crate) weight: f64,
     /// The error of the finer run over how far the coarser one is from it.
@@ -306,11 +306,11 @@ mod tests {
             |n: usize| Carrier { lattice: &lattices[n], topology: &springs[n], displacements: moved[n].as_slice() };
         let told = |n: usize, order: f64| {
             let power = (3.0 / pitches[n]).powf(order);
-            (carrier(n), Told { weight: (1.0 - power).powi(2), share: power / (1.0 - power) })
+            (carrier(n), Witness { weight: (1.0 - power).powi(2), share: power / (1.0 - power) })
         };
         let (coarse, all) = (&lattices[0], all(&lattices[0]));
         let limit = displaced(coarse, by);
-        let off = |found: &[Vector3], coarser: &[(Carrier<'_>, Told)]| {
+        let off = |found: &[Vector3], coarser: &[(Carrier<'_>, Witness)]| {
             all.against_limit((coarse, found), carrier(2), coarser, 0.4).rms_mm
         };
         for sign in [1.0, -1.0, 0.0] {

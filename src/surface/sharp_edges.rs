@@ -224,6 +224,7 @@ mod tests {
         let face = area_normal(&roof, &roof.triangles[0]);
         assert_eq!(roof.normals[5..], [unit(face); 3]);
     }
+
     #[test]
     fn a_face_that_bends_is_smooth_behind_its_rim() {
         let face = TriangleMesh {
