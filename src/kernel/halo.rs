@@ -24,18 +24,11 @@ pub const fn halo_row(y: isize, z: isize) -> usize {
 /// Every row of a halo, see [`gather_rows`].
 pub const ALL_ROWS: u128 = (1 << HALO_ROWS) - 1;
 
-/// Where the rows of a halo come from: place among the 27 blocks around, and row of that block.
-static SOURCES: [(usize, usize); HALO_ROWS] = {
-    let mut sources = [(0, 0); HALO_ROWS];
-    let mut row = 0;
-    while row < HALO_ROWS {
-        let (z, y) = (row / (BLOCK[1] + 2) + BLOCK[2] - 1, row % (BLOCK[1] + 2) + BLOCK[1] - 1);
-        let place = (z / BLOCK[2] * 3 + y / BLOCK[1]) * 3 + 1;
-        sources[row] = (place, z % BLOCK[2] * BLOCK[1] + y % BLOCK[1]);
-        row += 1;
-    }
-    sources
-};
+/// Along an axis, of the block before, itself and the one after: the first of its layers in a halo, how many, and where they go.
+const fn layers(size: usize) -> [[usize; 3]; 3] {
+    [[size - 1, 1, 0], [0, size, 1], [0, 1, size + 1]]
+}
+const LAYERS: [[[usize; 3]; 3]; 2] = [layers(BLOCK[1]), layers(BLOCK[2])];
 
 /// What missing blocks hold, in any type of field.
 static EMPTY: [u64; BLOCK_LEN] = [0; BLOCK_LEN];
@@ -61,24 +54,32 @@ pub fn gather<T: Pod>(field: &[T], neighbours: &[u32; 27], halo: &mut [T; HALO_L
 pub fn gather_rows<T: Pod>(field: &[T], neighbours: &[u32; 27], rows: u128, halo: &mut [T; HALO_LEN]) {
     let blocks = field.as_chunks::<BLOCK_LEN>().0;
     let empty: &[T; BLOCK_LEN] = cast_slice(&EMPTY).first_chunk().expect("no field is wider");
-    // Plain loops and whole arrays: without calls that only an optimiser across units takes out.
-    let mut around = [empty.as_chunks::<{ BLOCK[0] }>().0; 27];
-    for place in 0..27 {
-        if neighbours[place] != NO_BLOCK {
-            around[place] = blocks[neighbours[place] as usize].as_chunks().0;
-        }
-    }
+    let rows_of = |place: usize| match neighbours[place] {
+        NO_BLOCK => empty.as_chunks::<{ BLOCK[0] }>().0,
+        block => blocks[block as usize].as_chunks().0,
+    };
     let halo = halo.as_chunks_mut::<HALO_ROW>().0;
-    for row in 0..HALO_ROWS {
-        let to = &mut halo[row];
-        if rows >> row & 1 == 0 {
-            *to = [T::zeroed(); HALO_ROW];
-            continue;
+    // Plain loops and whole arrays: without calls that only an optimiser across units takes out.
+    for block_z in 0..3 {
+        for block_y in 0..3 {
+            let place = (block_z * 3 + block_y) * 3;
+            let (before, own, after) = (rows_of(place), rows_of(place + 1), rows_of(place + 2));
+            let ([from_y, count_y, to_y], [from_z, count_z, to_z]) = (LAYERS[0][block_y], LAYERS[1][block_z]);
+            for z in 0..count_z {
+                for y in 0..count_y {
+                    let row = (to_z + z) * (BLOCK[1] + 2) + to_y + y;
+                    let to = &mut halo[row];
+                    if rows >> row & 1 == 0 {
+                        *to = [T::zeroed(); HALO_ROW];
+                        continue;
+                    }
+                    let from = (from_z + z) * BLOCK[1] + from_y + y;
+                    to[0] = before[from][BLOCK[0] - 1];
+                    *to[1..].first_chunk_mut().expect("a row of the block") = own[from];
+                    to[HALO_ROW - 1] = after[from][0];
+                }
+            }
         }
-        let (place, from) = SOURCES[row];
-        to[0] = around[place - 1][from][BLOCK[0] - 1];
-        *to[1..].first_chunk_mut().expect("a row of the block") = around[place][from];
-        to[HALO_ROW - 1] = around[place + 1][from][0];
     }
 }
 
