@@ -59,6 +59,20 @@ pub(super) fn to_slots(layout: &BlockLayout, values: &[f32]) -> Vec<f32> {
     slots
 }
 
+/// `values` over `of`, where that is the same number wherever `of` is above zero, and `values` are zero elsewhere.
+pub(super) fn proportion(values: &[f32], of: &[f32]) -> Option<f32> {
+    let (&value, &whole) = values.iter().zip(of).find(|(_, of)| **of > 0.0)?;
+    let ratio = f64::from(value) / f64::from(whole);
+    let same = |(&value, &of): (&f32, &f32)| {
+        let expected = ratio * f64::from(of.max(0.0));
+        (f64::from(value) - expected).abs() <= PROPORTION_ROUNDING * expected
+    };
+    values.iter().zip(of).all(same).then_some(ratio as f32)
+}
+
+/// Two quotients of numbers that were rounded to f32.
+const PROPORTION_ROUNDING: f64 = 2.5e-7;
+
 /// Calls a kernel with the law of a block, gathered before.
 macro_rules! with_law {
     ($constants:expr, $halo:expr, |$law:ident| $call:expr) => {
@@ -79,3 +93,22 @@ macro_rules! with_law {
     };
 }
 pub(super) use with_law;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_proportion_is_one_number_for_all() {
+        let of: Vec<f32> = (0..1000).map(|i| if i % 7 == 0 { 0.0 } else { 1e3 * (i as f32).sqrt() }).collect();
+        let time = 3.7e-4;
+        let mut values: Vec<f32> = of.iter().map(|&of| (f64::from(of) * time) as f32).collect();
+        let found = proportion(&values, &of).unwrap();
+        assert!((f64::from(found) / time - 1.0).abs() < 1e-6);
+        values[500] *= 1.000_001;
+        assert_eq!(proportion(&values, &of), None, "one is another");
+        assert_eq!(proportion(&[1.0, 1.0], &[1.0, 0.0]), None, "something of nothing");
+        assert_eq!(proportion(&[0.0, 2.0, 0.0], &[-5.0, 1.0, 0.0]), Some(2.0), "what is negative has none");
+        assert_eq!(proportion(&[0.0], &[0.0]), None);
+    }
+}

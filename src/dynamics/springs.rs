@@ -2,11 +2,11 @@
 
 use bytemuck::must_cast_ref;
 
-use super::slot_constants::to_slots;
+use super::slot_constants::{proportion, to_slots};
 use crate::kernel::block::{BlockState, StepConstants, Work};
 use crate::kernel::dispatch::{Arithmetic, kick};
 use crate::kernel::halo::{HALO_LEN, Halo, gather, gather_rows, halo_row};
-use crate::kernel::laws::{Absent, HaloBits, Intact, MeanOfEnds, SumOfCells, Uniform};
+use crate::kernel::laws::{Absent, HaloBits, InProportion, Intact, MeanOfEnds, SumOfCells, Uniform};
 use crate::lattice::layout::{BLOCK, BLOCK_LEN, BlockLayout};
 use crate::lattice::neighbours::ALL_ALIVE;
 use crate::material::{Assembly, SpringConstants};
@@ -42,7 +42,7 @@ pub(super) struct BlockInput<'a> {
     pub(super) cells: Option<&'a [[f32; BLOCK_LEN]; 3]>,
     /// Step over mass of each slot [s/kg].
     pub(super) dt_over_mass: &'a [f32; BLOCK_LEN],
-    /// State of the next block.
+    /// State of the next blocks.
     pub(super) ahead: &'a [&'a [f32; BLOCK_LEN]],
 }
 
@@ -63,7 +63,17 @@ enum Law {
     /// Slots hold each particle's constants.
     MeanOfEnds { stiffness: Vec<f32>, damping: Option<Vec<f32>> },
     /// Slots hold the constants of the cell above each particle.
-    SumOfCells { stiffness: Vec<f32>, damping: Option<Vec<f32>>, weight: [f32; 3] },
+    SumOfCells { stiffness: Vec<f32>, damping: CellDamping, weight: [f32; 3] },
+}
+
+/// How the springs of cells are damped.
+#[derive(Debug, Clone)]
+enum CellDamping {
+    Nothing,
+    /// All cells by the same time, damping over stiffness [s]: one tissue, or several that die out alike.
+    InProportion(f32),
+    /// Constants of their own, by slots.
+    Own(Vec<f32>),
 }
 
 /// All springs of a world, in block order.
@@ -90,7 +100,8 @@ impl BlockSprings {
     pub(super) fn damped(&self) -> bool {
         match &self.law {
             Law::Uniform { damping, .. } => damping.is_some(),
-            Law::MeanOfEnds { damping, .. } | Law::SumOfCells { damping, .. } => damping.is_some(),
+            Law::MeanOfEnds { damping, .. } => damping.is_some(),
+            Law::SumOfCells { damping, .. } => !matches!(damping, CellDamping::Nothing),
         }
     }
 
@@ -109,15 +120,9 @@ impl BlockSprings {
 
     /// What the springs of a block are computed from besides places and velocities, to be asked for before they are.
     pub(super) fn ahead(&self, block: usize) -> impl Iterator<Item = &[f32; BLOCK_LEN]> {
-        let (stiffness, damping) = match &self.law {
-            Law::Uniform { .. } => (None, None),
-            Law::MeanOfEnds { stiffness, damping } | Law::SumOfCells { stiffness, damping, .. } => {
-                (Some(stiffness), damping.as_ref())
-            }
-        };
         let general = matches!(self.kind[block], BlockKind::General);
         let alive: &[f32; BLOCK_LEN] = must_cast_ref(block_of(&self.alive, block));
-        let constants = [stiffness, damping].into_iter().flatten().map(move |values| block_of(values, block));
+        let constants = self.law.constants().into_iter().flatten().map(move |values| block_of(values, block));
         constants.chain([alive]).filter(move |_| general)
     }
 
@@ -138,12 +143,7 @@ impl BlockSprings {
 
     /// Bytes held by the spring arrays.
     pub(super) fn bytes(&self) -> usize {
-        let constants = match &self.law {
-            Law::Uniform { .. } => 0,
-            Law::MeanOfEnds { stiffness, damping } | Law::SumOfCells { stiffness, damping, .. } => {
-                stiffness.len() + damping.as_ref().map_or(0, Vec::len)
-            }
-        };
+        let constants = self.law.constants().into_iter().flatten().map(Vec::len).sum::<usize>();
         4 * (constants + self.alive.len())
     }
 
@@ -208,11 +208,12 @@ impl BlockSprings {
                 gather_rows(stiffness, neighbours, rows, stiffness_halo);
                 let stiffness = SumOfCells { cell: stiffness_halo, weight: *weight };
                 match damping {
-                    Some(damping) => {
+                    CellDamping::Nothing => kick_with!(stiffness, Absent, bits),
+                    CellDamping::InProportion(time) => kick_with!(stiffness, InProportion { time: *time }, bits),
+                    CellDamping::Own(damping) => {
                         gather_rows(damping, neighbours, rows, damping_halo);
                         kick_with!(stiffness, SumOfCells { cell: damping_halo, weight: *weight }, bits)
                     }
-                    None => kick_with!(stiffness, Absent, bits),
                 }
             }
         }
@@ -228,16 +229,30 @@ impl Law {
                 Self::Uniform { stiffness: *stiffness, damping: Some(*damping) }
             }
             (SpringConstants::SumOfCells { cell, weight }, None) => {
-                Self::SumOfCells { stiffness: to_slots(cell), damping: None, weight: *weight }
+                Self::SumOfCells { stiffness: to_slots(cell), damping: CellDamping::Nothing, weight: *weight }
             }
             (SpringConstants::SumOfCells { cell, weight }, Some(SpringConstants::SumOfCells { cell: damping, .. })) => {
-                Self::SumOfCells { stiffness: to_slots(cell), damping: Some(to_slots(damping)), weight: *weight }
+                let damping = match proportion(damping, cell) {
+                    Some(time) => CellDamping::InProportion(time),
+                    None => CellDamping::Own(to_slots(damping)),
+                };
+                Self::SumOfCells { stiffness: to_slots(cell), damping, weight: *weight }
             }
             // Organs that share one constant but not the other: both become one value per particle.
             (stiffness, damping) => Self::MeanOfEnds {
                 stiffness: to_slots(&stiffness.per_particle(layout.slot.len())),
                 damping: damping.map(|damping| to_slots(&damping.per_particle(layout.slot.len()))),
             },
+        }
+    }
+
+    /// What slots hold.
+    fn constants(&self) -> [Option<&Vec<f32>>; 2] {
+        match self {
+            Self::Uniform { .. } => [None, None],
+            Self::MeanOfEnds { stiffness, damping } => [Some(stiffness), damping.as_ref()],
+            Self::SumOfCells { stiffness, damping: CellDamping::Own(damping), .. } => [Some(stiffness), Some(damping)],
+            Self::SumOfCells { stiffness, .. } => [Some(stiffness), None],
         }
     }
 
@@ -255,14 +270,15 @@ impl Law {
                 let by_family = |cell: f32| {
                     [weight[0] * ((cell + cell) + (cell + cell)), weight[1] * (cell + cell), weight[2] * cell]
                 };
-                let stiffness = self::alike(stiffness, layout, block);
-                let damping = damping.as_ref().map_or(Some(0.0), |damping| self::alike(damping, layout, block));
-                match (stiffness, damping) {
-                    (Some(stiffness), Some(damping)) => {
-                        BlockKind::Alike { stiffness: by_family(stiffness), damping: by_family(damping) }
-                    }
-                    _ => BlockKind::General,
-                }
+                let Some(stiffness) = self::alike(stiffness, layout, block).map(by_family) else {
+                    return BlockKind::General;
+                };
+                let damping = match damping {
+                    CellDamping::Nothing => Some([0.0; 3]),
+                    CellDamping::InProportion(time) => Some(stiffness.map(|stiffness| stiffness * time)),
+                    CellDamping::Own(damping) => self::alike(damping, layout, block).map(by_family),
+                };
+                damping.map_or(BlockKind::General, |damping| BlockKind::Alike { stiffness, damping })
             }
         }
     }

@@ -4,6 +4,7 @@
 //! without a change of any tissue's volume, and a pressure that went on between them would push or pull across the open
 //! cut. Only the force goes; each particle keeps its mass. The energy the cell held at that moment goes with it.
 
+use super::slot_constants::proportion;
 use super::springs::{Scratch, alike};
 use crate::kernel::dispatch::volume_forces;
 use crate::kernel::halo::{HALO_LEN, Halo, gather_rows};
@@ -50,9 +51,18 @@ pub(super) struct CellVolumes {
     step: CellStep,
     /// Modulus of the cell above each slot [Pa]; 0 where it adds nothing: not whole, or never had a modulus.
     modulus: Vec<f32>,
-    /// Viscosity of the same [Pa s]; 0 wherever the modulus is.
-    viscosity: Option<Vec<f32>>,
+    viscosity: Viscosity,
     kind: Vec<BlockKind>,
+}
+
+/// Viscosity of the cells [Pa s]; 0 wherever the modulus is.
+#[derive(Debug, Clone)]
+enum Viscosity {
+    Nothing,
+    /// So many times the modulus where that is above 0, and 0 elsewhere [s].
+    InProportion(f32),
+    /// Of the cell above each slot.
+    Own(Vec<f32>),
 }
 
 impl CellVolumes {
@@ -73,16 +83,23 @@ impl CellVolumes {
             slots
         };
         let modulus = to_slots(&term.modulus);
-        let viscosity = term.viscosity.as_deref().map(to_slots);
+        let viscosity = match &term.viscosity {
+            None => Viscosity::Nothing,
+            Some(viscosity) => match proportion(viscosity, &term.modulus) {
+                Some(time) => Viscosity::InProportion(time),
+                None => Viscosity::Own(to_slots(viscosity)),
+            },
+        };
         let kind = (0..layout.blocks.len())
             .map(|block| {
-                let same = alike(&modulus, layout, block);
-                let same_viscosity = viscosity.as_ref().map_or(Some(0.0), |values| alike(values, layout, block));
-                match (same, same_viscosity) {
-                    (Some(0.0), _) => BlockKind::Nothing,
-                    (Some(modulus), Some(viscosity)) => BlockKind::Alike { modulus, viscosity },
-                    _ => BlockKind::General,
-                }
+                let Some(modulus) = alike(&modulus, layout, block) else { return BlockKind::General };
+                let viscosity = match &viscosity {
+                    _ if modulus == 0.0 => return BlockKind::Nothing,
+                    Viscosity::Nothing => Some(0.0),
+                    Viscosity::InProportion(time) => Some(time * modulus.max(0.0)),
+                    Viscosity::Own(values) => alike(values, layout, block),
+                };
+                viscosity.map_or(BlockKind::General, |viscosity| BlockKind::Alike { modulus, viscosity })
             })
             .collect();
         Self { step: CellStep::new(lattice.pitch, dt), modulus, viscosity, kind }
@@ -100,7 +117,7 @@ impl CellVolumes {
             return;
         }
         self.modulus[slot] = 0.0;
-        if let Some(viscosity) = &mut self.viscosity {
+        if let Viscosity::Own(viscosity) = &mut self.viscosity {
             viscosity[slot] = 0.0;
         }
         // Cells with a term have all their corners; the blocks of these are the ones the cell touches.
@@ -125,21 +142,26 @@ impl CellVolumes {
 
     /// True when some cell has a viscosity.
     pub(super) fn viscous(&self) -> bool {
-        self.viscosity.is_some()
+        !matches!(self.viscosity, Viscosity::Nothing)
     }
 
     /// Copies modulus and viscosity of a block's cells with halo.
     pub(super) fn gather(&self, layout: &BlockLayout, block: usize, own: &mut CellScratch) {
         let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
         gather_rows(&self.modulus, neighbours, rows, &mut own.modulus);
-        if let Some(viscosity) = &self.viscosity {
-            gather_rows(viscosity, neighbours, rows, &mut own.viscosity);
+        match &self.viscosity {
+            Viscosity::Nothing => {}
+            Viscosity::InProportion(time) => {
+                own.viscosity.iter_mut().zip(&own.modulus).for_each(|(to, modulus)| *to = time * modulus.max(0.0));
+            }
+            Viscosity::Own(viscosity) => gather_rows(viscosity, neighbours, rows, &mut own.viscosity),
         }
     }
 
     /// Bytes held by the arrays of the cells.
     pub(super) fn bytes(&self) -> usize {
-        4 * (self.modulus.len() + self.viscosity.as_ref().map_or(0, Vec::len))
+        let viscosity = if let Viscosity::Own(viscosity) = &self.viscosity { viscosity.len() } else { 0 };
+        4 * (self.modulus.len() + viscosity)
     }
 
     /// Force of the cells on each slot of a block [N]; `None` when no cell touches it. See
@@ -154,30 +176,25 @@ impl CellVolumes {
         own: &'a mut CellScratch,
     ) -> Option<&'a mut [[f32; BLOCK_LEN]; 3]> {
         let (displacement, velocity) = (scratch.displacement.each_ref(), scratch.velocity.each_ref());
-        let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
-        let CellScratch { modulus: modulus_halo, viscosity: viscosity_halo, planes, force } = own;
         let step = self.step;
-        match (self.kind[block], &self.viscosity) {
+        if self.kind[block] == BlockKind::General {
+            self.gather(layout, block, own);
+        }
+        let CellScratch { modulus, viscosity, planes, force } = own;
+        let (each_modulus, each_viscosity) = (EachCell { cell: modulus }, EachCell { cell: viscosity });
+        macro_rules! forces_with {
+            ($modulus:expr, $viscosity:expr) => {
+                volume_forces(step, $modulus, $viscosity, displacement, velocity, planes, force)
+            };
+        }
+        match (self.kind[block], self.viscous()) {
             (BlockKind::Nothing, _) => return None,
-            (BlockKind::Alike { modulus, .. }, None) => {
-                volume_forces(step, SameCells::new(modulus), Absent, displacement, velocity, planes, force);
+            (BlockKind::Alike { modulus, .. }, false) => forces_with!(SameCells::new(modulus), Absent),
+            (BlockKind::Alike { modulus, viscosity }, true) => {
+                forces_with!(SameCells::new(modulus), SameCells::new(viscosity))
             }
-            (BlockKind::Alike { modulus, viscosity }, Some(_)) => {
-                let (modulus, viscosity) = (SameCells::new(modulus), SameCells::new(viscosity));
-                volume_forces(step, modulus, viscosity, displacement, velocity, planes, force);
-            }
-            (BlockKind::General, viscosity) => {
-                gather_rows(&self.modulus, neighbours, rows, modulus_halo);
-                let modulus = EachCell { cell: modulus_halo };
-                match viscosity {
-                    None => volume_forces(step, modulus, Absent, displacement, velocity, planes, force),
-                    Some(viscosity) => {
-                        gather_rows(viscosity, neighbours, rows, viscosity_halo);
-                        let viscosity = EachCell { cell: viscosity_halo };
-                        volume_forces(step, modulus, viscosity, displacement, velocity, planes, force);
-                    }
-                }
-            }
+            (BlockKind::General, false) => forces_with!(each_modulus, Absent),
+            (BlockKind::General, true) => forces_with!(each_modulus, each_viscosity),
         }
         Some(force)
     }

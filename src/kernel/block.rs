@@ -8,7 +8,7 @@
 //! order: the two ends feel exactly opposite forces everywhere.
 
 use super::halo::{HALO_ROW, Halo, halo_row};
-use super::laws::{HaloStrides, Living, SpringConstant, Strides, away};
+use super::laws::{DamperConstant, HaloStrides, Living, SpringConstant, Strides, away};
 use super::rows::{LANES, row_of_block, row_of_block_mut};
 use super::simd::{Vector, fetch};
 use super::spring::{Damper, Rest, factor};
@@ -28,7 +28,7 @@ pub struct BlockState<'a> {
     pub known_force: Option<&'a [[f32; BLOCK_LEN]; 3]>,
     /// Time step over mass [s/kg]; 0 for particles that are held and for empty slots.
     pub dt_over_mass: &'a [f32; BLOCK_LEN],
-    /// What the next block will be stepped from, to be asked for meanwhile.
+    /// What the next blocks will be stepped from, to be asked for meanwhile.
     pub ahead: &'a [&'a [f32; BLOCK_LEN]],
 }
 
@@ -138,7 +138,7 @@ macro_rules! for_rows_ahead {
 /// - `velocity` x, y, z [m/s]: the block's own slots, old on entry, new on return.
 /// - Returns the largest squared speed of the block [m^2/s^2], infinite when any velocity is not finite.
 #[inline(always)]
-pub fn kick_block<V: Vector, const EXACT: bool, K: SpringConstant, C: SpringConstant, A: Living>(
+pub fn kick_block<V: Vector, const EXACT: bool, K: SpringConstant, C: DamperConstant, A: Living>(
     stiffness: K,
     damping: C,
     alive: A,
@@ -317,7 +317,7 @@ fn load<V: Vector>(field: &[&[f32]; 3], place: usize) -> [V; 3] {
     [V::load(field[0], place), V::load(field[1], place), V::load(field[2], place)]
 }
 
-impl<V: Vector, K: SpringConstant, C: SpringConstant> Springs<V, K, C> {
+impl<V: Vector, K: SpringConstant, C: DamperConstant> Springs<V, K, C> {
     /// The springs of a row, in the block or beside it, that start at its particles.
     #[inline(always)]
     fn start_at<const EXACT: bool, A: Living>(
@@ -441,14 +441,15 @@ impl<V: Vector, K: SpringConstant, C: SpringConstant> Springs<V, K, C> {
                 _ => d[axis] = d[axis] - self.pitch,
             }
         }
+        let stiffness = self.stiffness.lanes::<V, S, D>(fields.stiffness, base);
         let damper = if C::PRESENT {
             let there = load::<V>(&fields.velocity, far);
             let w = [there[0] - own_velocity[0], there[1] - own_velocity[1], there[2] - own_velocity[2]];
-            Some(Damper { constant: self.damping.lanes::<V, S, D>(fields.damping, base), w, dt: self.dt })
+            let constant = self.damping.beside::<V, S, D>(stiffness, fields.damping, base);
+            Some(Damper { constant, w, dt: self.dt })
         } else {
             None
         };
-        let stiffness = self.stiffness.lanes::<V, S, D>(fields.stiffness, base);
         let keep = |factor| A::keep::<V, D>(fields.words, base, factor);
         let factor = factor::<V, EXACT>(d, stiffness, self.rest[const { family(D) } - 1], damper, keep);
         for axis in 0..3 {

@@ -9,7 +9,7 @@ use multiversion::multiversion;
 
 use super::block::{BlockState, Work, kick_block};
 use super::halo::Halo;
-use super::laws::{Living, SpringConstant};
+use super::laws::{DamperConstant, Living, SpringConstant};
 use super::parting::widest_cell;
 use super::rows::LANES;
 use super::simd::Vector;
@@ -189,7 +189,7 @@ fn run_on_avx2<J: Job>(job: J) -> J::Output {
 }
 
 /// [`kick_block`] as `arithmetic` says.
-pub fn kick<K: SpringConstant, C: SpringConstant, A: Living>(
+pub fn kick<K: SpringConstant, C: DamperConstant, A: Living>(
     arithmetic: Arithmetic,
     stiffness: K,
     damping: C,
@@ -220,7 +220,7 @@ struct Kick<'a, K, C, A> {
 /// The same in exact arithmetic.
 struct Exact<T>(T);
 
-impl<K: SpringConstant, C: SpringConstant, A: Living> Job for Kick<'_, K, C, A> {
+impl<K: SpringConstant, C: DamperConstant, A: Living> Job for Kick<'_, K, C, A> {
     type Output = f32;
     #[inline(always)]
     fn run<V: Vector>(self) -> f32 {
@@ -229,7 +229,7 @@ impl<K: SpringConstant, C: SpringConstant, A: Living> Job for Kick<'_, K, C, A> 
     }
 }
 
-impl<K: SpringConstant, C: SpringConstant, A: Living> Job for Exact<Kick<'_, K, C, A>> {
+impl<K: SpringConstant, C: DamperConstant, A: Living> Job for Exact<Kick<'_, K, C, A>> {
     type Output = f32;
     #[inline(always)]
     fn run<V: Vector>(self) -> f32 {
@@ -313,7 +313,7 @@ mod tests {
     use super::*;
     use crate::kernel::block::StepConstants;
     use crate::kernel::halo::{HALO_LEN, HALO_ROW, Halo};
-    use crate::kernel::laws::{Absent, HaloBits, Intact, MeanOfEnds, SumOfCells, Uniform};
+    use crate::kernel::laws::{Absent, HaloBits, InProportion, Intact, MeanOfEnds, SumOfCells, Uniform};
     use crate::kernel::volume::{EachCell, SameCells};
     use crate::lattice::layout::BLOCK;
 
@@ -389,9 +389,10 @@ mod tests {
             uniform, damper, Intact, known;
             cells(&stiffness), Absent, bits, known;
             cells(&stiffness), cells(&damping), bits, known;
+            cells(&stiffness), InProportion { time: 2e-4 }, bits, known;
         }
         let sets = InstructionSet::ALL.into_iter().filter(|set| set.available()).count();
-        assert_eq!(compared, 12 * sets);
+        assert_eq!(compared, 13 * sets);
     }
 
     /// No force where nothing is strained, wherever the lattice is; a velocity that is not a number is found.

@@ -42,6 +42,48 @@ pub trait SpringConstant: Copy {
     fn lanes<V: Vector, S: Strides, const D: usize>(self, values: &[f32], base: usize) -> V;
 }
 
+/// Where the constant of the damper beside a spring comes from. Chosen per block, never inside the loop.
+pub trait DamperConstant: Copy {
+    /// False when nothing damps, so that nothing is loaded or computed.
+    const PRESENT: bool;
+    /// What it is made from, with halo; empty where nothing is.
+    fn values(&self) -> &[f32];
+    /// The constants of the dampers beside springs of a stiffness; otherwise as [`SpringConstant::lanes`].
+    fn beside<V: Vector, S: Strides, const D: usize>(self, stiffness: V, values: &[f32], base: usize) -> V;
+}
+
+/// A constant of its own, whatever the stiffness.
+impl<C: SpringConstant> DamperConstant for C {
+    const PRESENT: bool = C::PRESENT;
+    #[inline(always)]
+    fn values(&self) -> &[f32] {
+        SpringConstant::values(self)
+    }
+    #[inline(always)]
+    fn beside<V: Vector, S: Strides, const D: usize>(self, _: V, values: &[f32], base: usize) -> V {
+        self.lanes::<V, S, D>(values, base)
+    }
+}
+
+/// So many times the stiffness, everywhere: nothing is loaded.
+#[derive(Clone, Copy)]
+pub struct InProportion {
+    /// Damping over stiffness [s].
+    pub time: f32,
+}
+
+impl DamperConstant for InProportion {
+    const PRESENT: bool = true;
+    #[inline(always)]
+    fn values(&self) -> &[f32] {
+        &[]
+    }
+    #[inline(always)]
+    fn beside<V: Vector, S: Strides, const D: usize>(self, stiffness: V, _: &[f32], _: usize) -> V {
+        stiffness * V::splat(self.time)
+    }
+}
+
 /// No spring has it.
 #[derive(Clone, Copy)]
 pub struct Absent;

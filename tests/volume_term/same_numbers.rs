@@ -157,7 +157,9 @@ fn an_absent_term_is_absent() {
     let with = steady((lattice.clone(), assembly.clone()));
     let without = steady((lattice.clone(), Assembly { volume: None, ..assembly.clone() }));
     let more = (with.bytes_per_particle() - without.bytes_per_particle()) * particles as f64;
-    assert!((more - 8.0 * (slots + particles) as f64).abs() < 1.0, "{more} bytes for modulus and viscosity");
+    // As assembled, both; to be stepped, the modulus: the viscosity is in proportion.
+    let expected = 8.0 * particles as f64 + 4.0 * slots as f64;
+    assert!((more - expected).abs() < 1.0, "{more} bytes for modulus and viscosity, not {expected}");
 
     // Cells of modulus 0 leave every bit as it is, whatever their viscosity.
     let zero = VolumeTerm { modulus: vec![0.0; particles], viscosity: assembly.volume.clone().unwrap().viscosity };
