@@ -216,12 +216,14 @@ impl Kick<'_> {
                 let mut ahead = ArrayVec::<&[f32; BLOCK_LEN], MOST_AHEAD>::new();
                 if !rest[0].is_empty() {
                     ahead.extend(rest.iter().map(|rest| block_of(rest, 0)));
-                    ahead.extend(displacement.iter().map(|field| block_of(field, block + 1)));
-                    if damped {
-                        ahead.extend(old_velocity.iter().map(|field| block_of(field, block + 1)));
-                    }
                     ahead.push(block_of(dt_over_mass, block + 1));
-                    ahead.extend(springs.ahead(block + 1));
+                    // Fields with halo: the halo of the next block has a layer of the one after it.
+                    let after = (block + 2).min(layout.blocks.len() - 1);
+                    ahead.extend(displacement.iter().map(|field| block_of(field, after)));
+                    if damped {
+                        ahead.extend(old_velocity.iter().map(|field| block_of(field, after)));
+                    }
+                    ahead.extend(springs.ahead(after));
                 }
                 let (neighbours, rows) = (&layout.neighbours[block], layout.rows[block]);
                 for axis in 0..3 {
