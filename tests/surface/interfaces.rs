@@ -9,11 +9,15 @@ use yawara::surface::check::check;
 use yawara::surface::field;
 use yawara::surface::interfaces::{MultiMesh, MultiSurface, OUTSIDE, Partition};
 use yawara::surface::mesh::TriangleMesh;
+use yawara::surface::weld::{soup, weld};
 
 use crate::support::{Random, cut_plane, lattice, sever, springs};
 
 /// Sums of f32 places in f64 against each other, relative to the sum of what is added.
 const VOLUME_ROUNDING: f64 = 1e-5;
+
+/// Volume that an organ may lose or gain where it touches itself [cells].
+const STOOD_BACK: f64 = 2e-3;
 
 /// Depth of the line over a wall in a flat skin [pitches].
 const GROOVE: f32 = 0.2;
@@ -24,7 +28,7 @@ struct Seen {
     triangles: usize,
     /// Edges at which three or more sheets meet.
     lines: usize,
-    /// Vertices that an organ needs twice because it touches itself there.
+    /// Vertices that an organ has to itself, because it touches itself there.
     touching: usize,
     severed: usize,
 }
@@ -45,6 +49,8 @@ impl std::ops::Add for Seen {
 fn assert_sound(surface: &MultiSurface, mesh: &MultiMesh<'_>, what: &str) -> Seen {
     let mut seen = Seen { triangles: surface.triangles().len(), ..Seen::default() };
     let organs: BTreeSet<u8> = surface.sides().iter().flatten().copied().filter(|&label| label != OUTSIDE).collect();
+    let bits = |place: &[f32; 3]| place.map(f32::to_bits);
+    let places: BTreeSet<_> = mesh.positions.iter().map(bits).collect();
     let mut sum = 0.0;
     let mut used = 0;
     for &organ in &organs {
@@ -53,8 +59,9 @@ fn assert_sound(surface: &MultiSurface, mesh: &MultiMesh<'_>, what: &str) -> See
         assert!(report.passes(), "{what}, organ {organ}: {report}");
         assert_eq!(report.unused_vertices, 0, "{what}");
         assert!(own.normals.iter().flatten().all(|c| c.is_finite()), "{what}");
-        let distinct: BTreeSet<[u32; 3]> = own.positions.iter().map(|place| place.map(f32::to_bits)).collect();
-        seen.touching += own.positions.len() - distinct.len();
+        let welded = check(&weld(&soup(&own), 0.0));
+        assert!(welded.passes() && welded.vertices == report.vertices, "{what}, organ {organ}, welded: {welded}");
+        seen.touching += own.positions.iter().filter(|&place| !places.contains(&bits(place))).count();
         sum += report.volume_mm3;
         used += own.triangles.len();
     }
@@ -95,7 +102,8 @@ fn assert_sound(surface: &MultiSurface, mesh: &MultiMesh<'_>, what: &str) -> See
     };
     let whole = check(&union);
     assert!(whole.is_closed() && whole.is_oriented(), "{what}: {whole}");
-    assert!((sum - whole.volume_mm3).abs() <= VOLUME_ROUNDING * (1.0 + sum), "{what}: {sum} of {}", whole.volume_mm3);
+    let tolerance = VOLUME_ROUNDING * (1.0 + sum) + STOOD_BACK * seen.touching as f64;
+    assert!((sum - whole.volume_mm3).abs() <= tolerance, "{what}: {sum} of {}", whole.volume_mm3);
     let interfaces = mesh.interfaces();
     assert_eq!(interfaces.iter().map(|one| one.mesh.triangles.len()).sum::<usize>(), surface.triangles().len());
     seen
@@ -180,7 +188,7 @@ fn random_organs_and_cuts_share_closed_walls() {
     let seen = (0..trials).into_par_iter().map(random_case).reduce(Seen::default, |one, two| one + two);
     eprintln!("{trials} lattices: {seen:?}");
     assert!(seen.triangles > 300 * trials as usize && seen.lines > 50 * trials as usize, "{seen:?}");
-    assert!(seen.severed > 10 * trials as usize, "{seen:?}");
+    assert!(seen.severed > 10 * trials as usize && seen.touching > trials as usize / 10, "{seen:?}");
 }
 
 /// A block of two organs that meet in a plane across x, in a layer of nothing.

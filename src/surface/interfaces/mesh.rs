@@ -33,8 +33,8 @@ pub struct Interface {
 impl MultiMesh<'_> {
     /// The closed border of an organ, looking outward; empty when there is nothing of it.
     ///
-    /// Its vertices have the places of those of its neighbours, bit for bit. Where the organ touches itself in a point it has
-    /// one vertex there for each side.
+    /// Its vertices have the places of those of its neighbours, bit for bit, but where the organ touches itself in a point: there it has
+    /// one vertex for each side, a little back from the point, so that importers which weld by place leave them apart.
     pub fn organ_mesh(&self, organ: u8) -> TriangleMesh {
         let of_organ = self.surface.triangles.iter().zip(&self.surface.sides).filter_map(|(&triangle, sides)| {
             let [a, b, c] = triangle;
@@ -53,9 +53,10 @@ impl MultiMesh<'_> {
             }
         }
         let (mut vertices, mut of) = compacted(self.positions.len(), &mut triangles);
-        self.part_touching(&mut vertices, &mut of, &mut triangles);
+        let fans = self.part_touching(&mut vertices, &mut of, &mut triangles);
         let sheets: Vec<Sheet> = vertices.iter().map(|&vertex| sheet_of(bits[vertex as usize])).collect();
         let mut mesh = self.mesh_of(&vertices, triangles);
+        fans.iter().for_each(|fan| stand_back(&mut mesh, fan));
         mesh.normals = normals(&mesh, |vertex| sheets[vertex]);
         mesh
     }
@@ -107,14 +108,21 @@ impl MultiMesh<'_> {
         }
     }
 
-    /// Gives every side its own vertex where an organ touches itself.
+    /// Gives every side its own vertex where an organ touches itself, and tells the triangles around each of these, by number and
+    /// corner.
     ///
     /// - `vertices`: number in the whole of each vertex; `of`: the inverse; both as [`compacted`] gives them.
-    fn part_touching(&self, vertices: &mut Vec<u32>, of: &mut [u32], triangles: &mut [[u32; 3]]) {
+    fn part_touching(
+        &self,
+        vertices: &mut Vec<u32>,
+        of: &mut [u32],
+        triangles: &mut [[u32; 3]],
+    ) -> Vec<Vec<(u32, usize)>> {
+        let mut parted = Vec::new();
         let cones: Vec<u32> =
             self.surface.cones.iter().map(|&cone| of[cone as usize]).filter(|&cone| cone != UNUSED).collect();
         if cones.is_empty() {
-            return;
+            return parted;
         }
         let mut slot = vec![UNUSED; vertices.len()];
         (0..).zip(&cones).for_each(|(at, &cone)| slot[cone as usize] = at);
@@ -129,7 +137,7 @@ impl MultiMesh<'_> {
         }
         for (cone, mut left) in cones.into_iter().zip(around) {
             // Fans: from one triangle on, the one whose first corner after the centre is the last corner of this one.
-            let mut first = true;
+            let mut fans = Vec::new();
             while let Some(start) = left.pop() {
                 let corner_after = |(number, corner): (u32, usize), step: usize, triangles: &[[u32; 3]]| {
                     triangles[number as usize][(corner + step) % 3]
@@ -141,14 +149,34 @@ impl MultiMesh<'_> {
                     open = corner_after(next, 2, triangles);
                     fan.push(next);
                 }
-                if !first {
+                if !fans.is_empty() {
                     let own = vertices.len() as u32;
                     vertices.push(vertices[cone as usize]);
                     fan.iter().for_each(|&(number, corner)| triangles[number as usize][corner] = own);
                 }
-                first = false;
+                fans.push(fan);
+            }
+            if fans.len() > 1 {
+                parted.append(&mut fans);
             }
         }
+        parted
+    }
+}
+
+/// How far the sides of an organ that touches itself stand back from the point, as a fraction of the way to what is around it.
+const STAND_BACK: f32 = 0.004;
+
+/// Draws the vertex that a fan of triangles has in common towards the middle of the fan's border.
+///
+/// - `fan`: number of each triangle, and which of its corners that vertex is.
+fn stand_back(mesh: &mut TriangleMesh, fan: &[(u32, usize)]) {
+    let around = |&(number, corner): &(u32, usize)| mesh.triangles[number as usize][(corner + 1) % 3] as usize;
+    let (number, corner) = fan[0];
+    let vertex = mesh.triangles[number as usize][corner] as usize;
+    for axis in 0..3 {
+        let sum: f32 = fan.iter().map(|at| mesh.positions[around(at)][axis] - mesh.positions[vertex][axis]).sum();
+        mesh.positions[vertex][axis] += STAND_BACK * sum / fan.len() as f32;
     }
 }
 
