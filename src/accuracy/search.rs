@@ -2,7 +2,7 @@
 
 use super::pitches::Pitches;
 use super::space::{self, pitch_law};
-use super::steps::{Law, better, error_mm, least_price, order};
+use super::steps::{Law, MOST_FINENESS, better, error_mm, least_price, order};
 use super::trial::{Choice, Trial};
 use crate::deviation::pitch_law::PitchLaw;
 use crate::dynamics::StepError;
@@ -39,8 +39,6 @@ const HAPPENS: f64 = 5.0;
 const ROUNDS: usize = 12;
 /// Steps of a run that another is judged by, over its own.
 const CHECK: [f64; 2] = [0.5, 6.0];
-/// No shorter steps than this are chosen.
-const FINEST_STEPS: f64 = 256.0;
 
 /// Why no run could be chosen.
 #[derive(Debug, thiserror::Error)]
@@ -256,13 +254,18 @@ impl<'a> Search<'a> {
         let Some(found) = found else {
             let what = match self.levels.len() {
                 1 => "the organs have too few voxels for coarser lattices",
-                _ => "cuts leave no cell whole that could be compared",
+                _ => {
+                    "no place of this lattice can be compared with a coarser one: it has few particles, or cuts leave no cell whole"
+                }
             };
             let why = format!("{what}; name a lattice.pitch, and the bound will be that of the steps");
             return Ok(Verdict::Missed(estimate, why));
         };
         let known = self.levels.len() >= KNOWN;
-        let ends_here = self.last.is_some() || self.pitches.below(pitch_mm, pitch_mm).is_none();
+        let affordable_mm = pitch_mm * (particles / MOST_PARTICLES).cbrt();
+        let finest_mm = affordable_mm.max(self.pitches.finest());
+        let can_be_had = |next_mm: f64| next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
+        let ends_here = self.last.is_some() || !self.pitches.below(pitch_mm, pitch_mm).is_some_and(can_be_had);
         if estimate.error() <= if known || ends_here { self.asked } else { UNKNOWN * self.asked } {
             let enough = self.enough(tell);
             return Ok(Verdict::Kept(estimate, enough));
@@ -271,14 +274,14 @@ impl<'a> Search<'a> {
             return Ok(Verdict::Missed(estimate, why));
         }
         let bound_mm = self.asked * largest_mm;
-        let affordable_mm = pitch_mm * (particles / MOST_PARTICLES).cbrt();
-        let finest_mm = affordable_mm.max(self.pitches.finest());
         let room_mm = (bound_mm - steps_mm).max(0.1 * bound_mm);
         let wish_mm = found.pitch(room_mm);
         let toward_mm = found.pitch(TOWARD * room_mm).max(pitch_mm / STRIDE[usize::from(!known)]);
         let mut next_mm = self.pitches.below(pitch_mm, toward_mm).unwrap_or(pitch_mm);
-        let finer = next_mm < 0.999 * pitch_mm && next_mm > 0.99 * finest_mm;
-        if (known && particles > TRUSTED && wish_mm < 0.75 * finest_mm) || !finer || self.levels.len() > ROUNDS {
+        if (known && particles > TRUSTED && wish_mm < 0.75 * finest_mm)
+            || !can_be_had(next_mm)
+            || self.levels.len() > ROUNDS
+        {
             let PitchLaw { order: power, .. } = found;
             let many = particles * (pitch_mm / wish_mm).powi(3);
             let why = format!(
@@ -360,9 +363,15 @@ impl<'a> Search<'a> {
         // Where the step control divides steps, those asked for may come out the same.
         let mut ratio = if fineness >= 2.0 { 0.5 } else { 1.5 };
         while known.is_none() && (CHECK[0]..=CHECK[1]).contains(&ratio) {
-            let other = self.run(Choice { fineness: ratio * fineness, ..trial.choice }, tell)?;
-            known = error_mm(&trial, &other);
-            self.levels.push(other);
+            match self.run(Choice { fineness: ratio * fineness, ..trial.choice }, tell) {
+                Ok(other) => {
+                    known = error_mm(&trial, &other);
+                    self.levels.push(other);
+                }
+                // Longer steps may diverge where these do not.
+                Err(AccuracyError::Step(_)) => {}
+                Err(error) => return Err(error),
+            }
             ratio = if ratio < 1.0 { 1.5 } else { 2.0 * ratio };
         }
         self.levels.push(trial);
@@ -382,7 +391,7 @@ impl<'a> Search<'a> {
             self.probes = self.levels.clone();
         }
         let choice = self.choose(pitch_mm, self.asked * largest_mm, tell)?;
-        if choice.fineness > FINEST_STEPS
+        if choice.fineness >= MOST_FINENESS
             || self.levels.len() > ROUNDS
             || choice == self.levels[self.levels.len() - 1].choice
         {

@@ -11,10 +11,12 @@ use crate::dynamics::integrator::Method;
 const TRIED: [Method; 3] = [Method::SymplecticEuler, Method::Verlet, Method::Rk4];
 /// What an evaluation costs that is not fused with the step, in plain steps: a fifth goes to the fields it is summed in.
 const UNFUSED: f64 = 1.2;
-/// Steps are chosen this much shorter than the law asks for.
+/// Steps are chosen this much shorter than the law asks for,
 const ROOM: f64 = 0.8;
+/// and at most so many times shorter than the largest that is stable.
+pub(super) const MOST_FINENESS: f64 = 256.0;
 
-/// The power of the step that shorter steps are trusted to make the error smaller with: rounding, divided steps and ramps that end within a step do
+/// The power of the step with which the error of a run is trusted to be smaller than that of one with longer steps: rounding, divided steps and ramps that end within a step do
 /// not fall with a higher one.
 const MOST_ORDER: f64 = 2.0;
 
@@ -52,10 +54,13 @@ pub(super) fn error_mm(run: &Trial, other: &Trial) -> Option<f64> {
 }
 
 impl Law {
-    /// How much shorter than `dt` the steps have to be for an error of at most `bound_mm`; 1 at least.
+    /// How much shorter than `dt` the steps have to be for an error of at most `bound_mm`; 1 at least, [`MOST_FINENESS`] at most.
     pub(super) fn fineness(&self, dt: f64, bound_mm: f64) -> f64 {
-        let here = self.error_mm * (dt / self.dt).powf(order(self.method));
-        if here <= bound_mm { 1.0 } else { (here / (ROOM * bound_mm)).powf(order(self.method).recip()) }
+        let here = self.error_mm(dt);
+        if here <= bound_mm {
+            return 1.0;
+        }
+        (here / (ROOM * bound_mm)).powf(order(self.method).recip()).min(MOST_FINENESS)
     }
 
     /// The error of steps of `dt` [mm].
